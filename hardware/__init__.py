@@ -1,0 +1,1 @@
+"""Real instruments, the recording file they write, and the virtual rig."""

@@ -1,0 +1,1 @@
+"""What the skin does: mechanics, piezoresistance, conduction, calibration. numpy and scipy only."""

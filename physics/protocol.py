@@ -1,0 +1,139 @@
+"""Which currents go in and which potentials are read, and the 276 numbers behind the 6624 readings.
+
+A passive reciprocal network with L electrodes is described by a symmetric (L,L) *transfer matrix* T: potentials of the
+electrodes (mean-free) for one ampere into each, T = T', T 1 = 0. Its L(L-1)/2 free numbers are the *pair
+resistances* r_ij = T_ii + T_jj - 2 T_ij: the voltage across i and j for one ampere through them. Every reading of
+every protocol is a fixed linear combination of them: with current c into the electrodes and the difference w'U
+measured, reading = w'T c = -1/2 sum_ij w_i c_j r_ij (both c and w sum to zero).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import solve_triangular
+
+Array = NDArray[np.float64]
+
+
+def electrode_pairs(electrodes: int) -> NDArray[np.intp]:
+    """(L(L-1)/2, 2) all pairs i < j in lexicographic order: the full injection pattern of the paper (II-D)."""
+    i, j = np.triu_indices(electrodes, 1)
+    return np.stack([i, j], axis=1)
+
+
+def pair_resistances(transfer: Array) -> Array:
+    """(..., L(L-1)/2) pair resistances in ohm of transfer matrices (..., L, L) in ohm."""
+    i, j = np.triu_indices(transfer.shape[-1], 1)
+    diagonal = np.diagonal(transfer, axis1=-2, axis2=-1)
+    return diagonal[..., i] + diagonal[..., j] - transfer[..., i, j] - transfer[..., j, i]
+
+
+def transfer_matrix(pair_resistance: Array) -> Array:
+    """(..., L, L) mean-free transfer matrix of pair resistances (..., L(L-1)/2): T = -1/2 J r J, J the centring."""
+    pairs = pair_resistance.shape[-1]
+    electrodes = round((1 + np.sqrt(1 + 8 * pairs)) / 2)
+    i, j = np.triu_indices(electrodes, 1)
+    squared = np.zeros((*pair_resistance.shape[:-1], electrodes, electrodes))
+    squared[..., i, j] = pair_resistance
+    squared[..., j, i] = pair_resistance
+    centred = squared - squared.mean(axis=-1, keepdims=True)
+    return -0.5 * (centred - centred.mean(axis=-2, keepdims=True))
+
+
+@dataclass(frozen=True, eq=False)
+class Protocol:
+    """Injections and measurements of one scan.
+
+    ``injection_current_a`` (K,L): ampere into each electrode, rows sum to zero. ``measurement`` (K,M,L): weights of the
+    electrode potentials in each reading, summing to zero over L. ``pairs`` (K,2) names source and sink where every
+    injection is a pair. ``injection_offset_s`` (K,): when each injection is read after the frame's time.
+    """
+
+    injection_current_a: Array
+    measurement: Array
+    pairs: NDArray[np.intp] | None = None
+    injection_offset_s: Array | None = None
+    scan_s: float | None = None
+    adc_volts_per_count: float | None = None
+    adc_limit_v: float | None = None
+
+    @classmethod
+    def against_sink(cls, pairs: NDArray[np.intp], electrodes: int, current_a: float, **extra: object) -> Protocol:
+        """The paper's pattern: every electrode read against the sink of each injection; K x L readings."""
+        rows = np.arange(len(pairs))
+        current = np.zeros((len(pairs), electrodes))
+        current[rows, pairs[:, 0]] = current_a
+        current[rows, pairs[:, 1]] = -current_a
+        weights = np.broadcast_to(np.eye(electrodes), (len(pairs), electrodes, electrodes)).copy()
+        weights[rows, :, pairs[:, 1]] -= 1.0
+        return cls(current, weights, np.asarray(pairs, dtype=np.intp), **extra)  # type: ignore[arg-type]
+
+    @classmethod
+    def differences(
+        cls, injection_current_a: Array, measurement: NDArray[np.intp], **extra: object
+    ) -> Protocol:
+        """Currents (K,L) and readings as electrode ``[m,0]`` minus electrode ``[m,1]``, the same for every injection."""
+        injections, electrodes = injection_current_a.shape
+        rows = np.arange(len(measurement))
+        weights = np.zeros((len(measurement), electrodes))
+        weights[rows, measurement[:, 0]] += 1.0
+        weights[rows, measurement[:, 1]] -= 1.0
+        every = np.broadcast_to(weights, (injections, *weights.shape)).copy()
+        return cls(np.asarray(injection_current_a, dtype=float), every, None, **extra)  # type: ignore[arg-type]
+
+    @property
+    def electrodes(self) -> int:
+        """Number of electrodes L."""
+        return self.injection_current_a.shape[1]
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(K, M): injections, readings per injection."""
+        return self.measurement.shape[0], self.measurement.shape[1]
+
+    @cached_property
+    def design(self) -> Array:
+        """(K*M, P) readings in volt per ohm of pair resistance, P = L(L-1)/2."""
+        i, j = np.triu_indices(self.electrodes, 1)
+        current, weight = self.injection_current_a, self.measurement
+        both = weight[:, :, i] * current[:, None, j] + weight[:, :, j] * current[:, None, i]
+        return -0.5 * both.reshape(-1, len(i))
+
+    @cached_property
+    def cholesky(self) -> Array:
+        """(P,P) upper triangular C with C'C = design'design; raises ``LinAlgError`` if the scan can't tell all pairs."""
+        return np.linalg.cholesky(self.design.T @ self.design).T
+
+    def readings(self, pair_resistance: Array) -> Array:
+        """(..., K, M) volt from pair resistances (..., P) in ohm."""
+        return (pair_resistance @ self.design.T).reshape(*pair_resistance.shape[:-1], *self.shape)
+
+    def reciprocal(self, voltage_v: Array) -> Array:
+        """(..., P) least-squares pair resistances in ohm of readings (..., K, M) in volt."""
+        flat = voltage_v.reshape(*voltage_v.shape[:-2], -1)
+        return self.unwhitened(flat @ self.orthonormal)
+
+    @cached_property
+    def orthonormal(self) -> Array:
+        """(K*M, P) orthonormal basis of the readings that some resistor network could give."""
+        return solve_triangular(self.cholesky, self.design.T, trans="T", lower=False).T
+
+    def whitened(self, pair_resistance: Array) -> Array:
+        """(..., P) volt: coordinates in ``orthonormal``; white reading noise of s volt stays white, s volt each."""
+        return pair_resistance @ self.cholesky.T
+
+    def unwhitened(self, coordinates_v: Array) -> Array:
+        """(..., P) ohm: the inverse of ``whitened``."""
+        flat = coordinates_v.reshape(-1, coordinates_v.shape[-1])
+        solved = solve_triangular(self.cholesky, flat.T, lower=False).T
+        return solved.reshape(coordinates_v.shape)
+
+    def split(self, voltage_v: Array) -> tuple[Array, Array]:
+        """Readings (..., K, M) as (reciprocal part, the rest no resistor network could give), both in volt."""
+        flat = voltage_v.reshape(*voltage_v.shape[:-2], -1)
+        part = ((flat @ self.orthonormal) @ self.orthonormal.T).reshape(voltage_v.shape)
+        return part, voltage_v - part
