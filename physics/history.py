@@ -1,0 +1,56 @@
+"""What was done to the skin, frame by frame: the input of the forward chain."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+class Phase(IntEnum):
+    """What the stage is doing during a frame."""
+
+    REST = 0
+    LOADING = 1
+    HOLD = 2
+    UNLOADING = 3
+
+
+@dataclass(frozen=True, eq=False)
+class History:
+    """T frames with up to P contacts each, in recording order.
+
+    ``time_s`` (T,) start of the scan; ``press`` (T,) which press a frame belongs to; ``phase`` (T,) of ``Phase``;
+    ``contact_m`` (T,P,2) commanded indenter positions, NaN where there is none; ``depth_m`` (T,P) commanded stage
+    depth; ``force_n`` (T,P) load-cell force, NaN where not known.
+    """
+
+    time_s: Array
+    press: NDArray[np.int64]
+    phase: NDArray[np.uint8]
+    contact_m: Array
+    depth_m: Array
+    force_n: Array
+
+    def __len__(self) -> int:
+        return len(self.time_s)
+
+    def __getitem__(self, frames: slice | NDArray[np.bool_] | NDArray[np.intp]) -> History:
+        """The frames selected, as a history of their own."""
+        return History(
+            self.time_s[frames],
+            self.press[frames],
+            self.phase[frames],
+            self.contact_m[frames],
+            self.depth_m[frames],
+            self.force_n[frames],
+        )
+
+    @property
+    def touched(self) -> NDArray[np.bool_]:
+        """(T,P) where a contact presses: neither a rest frame nor an absent contact."""
+        return np.isfinite(self.contact_m).all(axis=-1) & (self.phase != Phase.REST)[:, None]
