@@ -73,10 +73,8 @@ class Protocol:
         return cls(current, weights, np.asarray(pairs, dtype=np.intp), **extra)  # type: ignore[arg-type]
 
     @classmethod
-    def differences(
-        cls, injection_current_a: Array, measurement: NDArray[np.intp], **extra: object
-    ) -> Protocol:
-        """Currents (K,L) and readings as electrode ``[m,0]`` minus electrode ``[m,1]``, the same for every injection."""
+    def differences(cls, injection_current_a: Array, measurement: NDArray[np.intp], **extra: object) -> Protocol:
+        """Currents (K,L) and readings of electrode ``[m,0]`` minus electrode ``[m,1]``, for every injection."""
         injections, electrodes = injection_current_a.shape
         rows = np.arange(len(measurement))
         weights = np.zeros((len(measurement), electrodes))
@@ -105,8 +103,8 @@ class Protocol:
 
     @cached_property
     def cholesky(self) -> Array:
-        """(P,P) upper triangular C with C'C = design'design; raises ``LinAlgError`` if the scan can't tell all pairs."""
-        return np.linalg.cholesky(self.design.T @ self.design).T
+        """(P,P) upper triangular C, C'C = design'design; ``LinAlgError`` if the scan can't tell all pairs."""
+        return np.asarray(np.linalg.cholesky(self.design.T @ self.design).T)
 
     def readings(self, pair_resistance: Array) -> Array:
         """(..., K, M) volt from pair resistances (..., P) in ohm."""

@@ -1,0 +1,83 @@
+"""Noise as the rest frames show it: white reading noise, drift with its full covariance, spikes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from physics.protocol import Protocol
+from physics.spikes import despiked, robust_std
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class MeasuredNoise:
+    """What a frame carries against the mean rest frame.
+
+    ``std_v``: white noise of a reading. ``drift_v`` (D,P): directions in whitened coordinates in which the rest
+    baseline wanders, each scaled to one standard deviation. ``spike_rate``: chance of a reading to be a spike;
+    ``spike_v`` (S,): spikes seen, drawn from again.
+    """
+
+    protocol: Protocol
+    std_v: float
+    drift_v: Array
+    spike_rate: float
+    spike_v: Array
+
+    @classmethod
+    def from_rest(cls, protocol: Protocol, rest_v: Array, margin: float = 2.0) -> MeasuredNoise:
+        """From rest frames (T,K,M) in volt; fewer than three raise ``ValueError``.
+
+        A direction counts as drift when its variance over the frames exceeds what white noise alone would show in
+        the largest of T-1 directions (Marchenko-Pastur edge) by ``margin``; the white part is taken off.
+        """
+        if len(rest_v) < 3:
+            raise ValueError(f"measured noise needs at least three rest frames, the recording has {len(rest_v)}")
+        coordinates, spikes = despiked(protocol, rest_v)
+        leftover = rest_v.reshape(len(rest_v), -1) - coordinates @ protocol.orthonormal.T
+        flagged = spikes.reshape(len(rest_v), -1)
+        std_v = _white_std(protocol, leftover, flagged)
+        amplitude = leftover[flagged]
+        return cls(protocol, std_v, _drift(coordinates, std_v, margin), float(flagged.mean()), amplitude)
+
+    def coordinates(self, rng: np.random.Generator, trials: int) -> Array:
+        """(trials, P) volt: white noise and drift; spikes are what the reduction takes out."""
+        white = self.std_v * rng.standard_normal((trials, self.drift_v.shape[1]))
+        return white + rng.standard_normal((trials, len(self.drift_v))) @ self.drift_v
+
+    def readings(self, rng: np.random.Generator, trials: int) -> Array:
+        """(trials, K*M) volt: white noise, drift and spikes."""
+        size = (trials, self.protocol.orthonormal.shape[0])
+        drift = rng.standard_normal((trials, len(self.drift_v))) @ self.drift_v
+        noise = self.std_v * rng.standard_normal(size) + drift @ self.protocol.orthonormal.T
+        if len(self.spike_v):
+            noise += np.where(rng.random(size) < self.spike_rate, rng.choice(self.spike_v, size), 0.0)
+        return noise
+
+    @property
+    def covariance_v2(self) -> Array:
+        """(P,P) volt squared."""
+        return self.std_v**2 * np.eye(self.drift_v.shape[1]) + self.drift_v.T @ self.drift_v
+
+
+def _white_std(protocol: Protocol, leftover: Array, flagged: NDArray[np.bool_]) -> float:
+    """Noise of a reading from what no resistor network explains, corrected for the P numbers fitted per frame."""
+    readings, pairs = protocol.orthonormal.shape
+    core = float(robust_std(leftover[~flagged]))
+    return core * float(np.sqrt(readings / (readings - pairs)))
+
+
+def _drift(coordinates: Array, std_v: float, margin: float) -> Array:
+    """(D,P) drift directions times their standard deviations."""
+    frames, pairs = coordinates.shape
+    centred = coordinates - coordinates.mean(axis=0)
+    _, singular, directions = np.linalg.svd(centred, full_matrices=False)
+    variance = singular**2 / (frames - 1)
+    white = std_v**2 * (1.0 + np.sqrt(pairs / (frames - 1))) ** 2
+    kept = variance > margin * white
+    level = std_v**2 * (1.0 + pairs / (frames - 1))
+    return np.sqrt(np.maximum(variance[kept] - level, 0.0))[:, None] * directions[kept]

@@ -1,0 +1,78 @@
+"""Every noise model's samples have the covariance it states; what rest frames carry is recovered."""
+
+import numpy as np
+import pytest
+
+from physics.noise import GaussianNoise, MeasuredNoise, NoNoise, WhiteNoise
+from physics.protocol import Protocol, electrode_pairs
+from physics.spikes import despiked
+
+ELECTRODES = 8
+PROTOCOL = Protocol.against_sink(electrode_pairs(ELECTRODES), ELECTRODES, 1e-4)
+PAIRS = ELECTRODES * (ELECTRODES - 1) // 2
+READINGS = PAIRS * ELECTRODES
+
+
+def rest_frames(rng, frames=60, spike_rate=0.01):
+    drift = np.zeros((2, PAIRS))
+    drift[0, 3], drift[1, 10] = 0.5, 0.2
+    truth = MeasuredNoise(PROTOCOL, 2e-3, drift, spike_rate, np.array([-0.3, 0.3]))
+    rest = PROTOCOL.readings(np.full(PAIRS, 1e4)).ravel()
+    return truth, (rest + truth.readings(rng, frames)).reshape(frames, *PROTOCOL.shape)
+
+
+def models():
+    rng = np.random.default_rng(1)
+    residual = 1e-3 * rng.standard_normal((40, *PROTOCOL.shape)) + 5e-4
+    return [
+        NoNoise(PROTOCOL),
+        WhiteNoise(PROTOCOL, 2e-3),
+        GaussianNoise.from_residuals(PROTOCOL, residual),
+        rest_frames(rng)[0],
+    ]
+
+
+@pytest.mark.parametrize("noise", models(), ids=lambda noise: type(noise).__name__)
+def test_samples_have_the_stated_covariance(noise):
+    sample = noise.coordinates(np.random.default_rng(0), 20_000)
+    scale = np.sqrt(np.diag(noise.covariance_v2)).max() ** 2 or 1.0
+    assert np.abs(np.cov(sample.T) - noise.covariance_v2).max() < 0.05 * scale
+    assert np.array_equal(sample, noise.coordinates(np.random.default_rng(0), 20_000))
+
+
+@pytest.mark.parametrize("noise", models(), ids=lambda noise: type(noise).__name__)
+def test_readings_project_onto_the_coordinates(noise):
+    rng = np.random.default_rng(0)
+    reduced = noise.readings(rng, 3000) @ PROTOCOL.orthonormal
+    direct = noise.coordinates(np.random.default_rng(1), 3000)
+    spikes = getattr(noise, "spike_rate", 0.0)
+    assert reduced.std() == pytest.approx(direct.std(), rel=0.05 if not spikes else 0.5, abs=1e-12)
+
+
+def test_rest_frames_give_back_noise_drift_and_spikes():
+    truth, frames = rest_frames(np.random.default_rng(5))
+    found = MeasuredNoise.from_rest(PROTOCOL, frames)
+    assert found.std_v == pytest.approx(truth.std_v, rel=0.1)
+    assert found.spike_rate == pytest.approx(truth.spike_rate, rel=0.3)
+    assert len(found.drift_v) == 2
+    assert np.linalg.norm(found.drift_v, axis=1) == pytest.approx([0.5, 0.2], rel=0.35)
+
+
+def test_spikes_leave_the_reduction_as_good_as_white_noise():
+    _, frames = rest_frames(np.random.default_rng(5), spike_rate=0.0)
+    spiky = frames.copy()
+    hit = np.random.default_rng(6).random(frames.shape) < 0.02
+    spiky[hit] += 0.4
+    spiky[0, 0, 0] = np.nan
+    clean, _ = despiked(PROTOCOL, frames)
+    reduced, flagged = despiked(PROTOCOL, spiky)
+    assert (reduced - clean).std() < 2e-3
+    assert flagged[hit].mean() > 0.95
+    assert flagged[~hit].mean() < 0.01
+
+
+def test_too_few_frames_are_refused():
+    with pytest.raises(ValueError, match="at least three rest frames"):
+        MeasuredNoise.from_rest(PROTOCOL, np.zeros((2, *PROTOCOL.shape)))
+    with pytest.raises(ValueError, match="at least two real trials"):
+        GaussianNoise.from_residuals(PROTOCOL, np.zeros((1, *PROTOCOL.shape)))
