@@ -23,7 +23,9 @@ def despiked(
     """Whitened coordinates (T,P) in volt of readings (T,K,M) in volt, and the mask (T,K,M) of readings left out.
 
     The readings are projected onto what a resistor network could give; a reading further than ``threshold`` robust
-    standard deviations from the projection, or NaN, is left out and the projection done again until it stands; the largest go first, or what they pull along would be left out too. With many readings behind each number this converges in a few rounds while spikes are a few percent.
+    standard deviations from the projection, or NaN, is left out and the projection done again until it stands. The
+    largest go first, or what they pull along would be left out too. With many readings behind each number this
+    converges in a few rounds while spikes are a few percent.
     """
     basis = protocol.orthonormal
     flat = np.asarray(voltage_v, dtype=float).reshape(len(voltage_v), -1)
