@@ -1,0 +1,54 @@
+"""A radially symmetric field around a point force, tabulated for fast evaluation at millions of points."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+
+Array = NDArray[np.float64]
+
+_ENTRIES = 1 << 18
+
+
+@dataclass(frozen=True, eq=False)
+class RadialKernel:
+    """A field f(r), zero beyond ``radius_m``, tabulated at equal steps of r squared.
+
+    No square root and no search is needed to look a point up, and f is smooth in r squared. ``value`` and ``slope``
+    (N+2,) hold f and df/d(r^2); linear interpolation between 262,144 entries is good to 1e-6 of the peak for a field
+    whose width at half height is a twentieth of the radius.
+    """
+
+    radius_m: float
+    value: Array
+    slope: Array
+
+    @classmethod
+    def through(cls, radius_m: Array, value: Array) -> RadialKernel:
+        """The kernel through samples (N,) at increasing radii (N,) from 0, by a cubic spline flat at r = 0."""
+        spline = CubicSpline(radius_m, value, bc_type=((1, 0.0), "not-a-knot"))
+        largest = float(radius_m[-1])
+        squared = np.linspace(0.0, largest**2, _ENTRIES)
+        r = np.sqrt(squared)
+        slope = np.empty(_ENTRIES)
+        slope[1:] = spline(r[1:], 1) / (2 * r[1:])
+        slope[0] = 0.5 * float(spline(0.0, 2))
+        end = np.zeros(2)
+        return cls(largest, np.concatenate([spline(r), end]), np.concatenate([slope, end]))
+
+    def at(self, squared_m2: Array) -> Array:
+        """(...,) the field at squared distances (...,) in square metre."""
+        return self._interpolate(self.value, squared_m2)
+
+    def derivative(self, squared_m2: Array) -> Array:
+        """(...,) df/d(r^2) at squared distances (...,) in square metre."""
+        return self._interpolate(self.slope, squared_m2)
+
+    def _interpolate(self, table: Array, squared_m2: Array) -> Array:
+        position = np.minimum(np.multiply(squared_m2, (_ENTRIES - 1) / self.radius_m**2), float(_ENTRIES))
+        entry = position.astype(np.int32)
+        left = table[entry]
+        return left + (position - entry) * (table[entry + 1] - left)

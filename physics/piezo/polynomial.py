@@ -1,0 +1,94 @@
+"""Sheet resistance against pressure: the paper's fifth-order polynomial (II-C), fitted to the specimen test."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.polynomial import chebyshev
+from numpy.typing import NDArray
+from scipy.optimize import nnls
+
+Array = NDArray[np.float64]
+
+ORDER = 5
+_CHECKED = 400
+
+
+def _least_squares_nonincreasing(design: Array, target: Array, slopes: Array) -> Array:
+    """Coefficients c minimising |design c - target| with slopes @ c <= 0 (Lawson & Hanson's LSI, by way of nnls)."""
+    q, r = np.linalg.qr(design)
+    bounded = -np.linalg.solve(r.T, slopes.T).T
+    free = q.T @ target
+    # Least distance: min |y - free| with bounded y >= 0, whose dual is a non-negative least-squares problem.
+    scale = max(float(np.abs(free).max()), 1e-300)
+    rows = np.vstack([bounded.T, -(bounded @ free)[None] / scale])
+    goal = np.zeros(rows.shape[0])
+    goal[-1] = 1.0
+    rest = rows @ nnls(rows, goal)[0] - goal
+    y = free - scale * rest[:-1] / rest[-1] if rest[-1] != 0 else free
+    return np.asarray(np.linalg.solve(r, y), dtype=float)
+
+
+@dataclass(frozen=True, eq=False)
+class PiezoPolynomial:
+    """Sheet resistance in ohm per square against pressure in pascal, never rising, held constant outside the specimen.
+
+    ``coefficients`` are those of Chebyshev polynomials in 2 p/max_stress_pa - 1, divided by the value at zero stress,
+    ``zero_ohm_sq``. Below zero pressure (a bonded pad can pull) the value at zero holds, above ``max_stress_pa`` the
+    value there.
+    """
+
+    coefficients: Array
+    max_stress_pa: float
+    zero_ohm_sq: float
+
+    @classmethod
+    def fit(cls, stress_pa: Array, sheet_resistance_ohm_sq: Array, order: int = ORDER) -> PiezoPolynomial:
+        """Fit a specimen test: stresses (N,) in pascal, sheet resistances (N,) in ohm per square, all its cycles.
+
+        The noise is a fraction of the value, so residuals are weighted by the fitted value (iterated). Loading and
+        unloading weigh alike: the hysteresis is averaged, as in the paper. Raises ``ValueError`` on data that can't
+        fix the polynomial.
+        """
+        stress = np.asarray(stress_pa, dtype=float)
+        resistance = np.asarray(sheet_resistance_ohm_sq, dtype=float)
+        good = np.isfinite(stress) & np.isfinite(resistance)
+        stress, resistance = stress[good], resistance[good]
+        if len(np.unique(stress)) <= order:
+            raise ValueError(f"a polynomial of order {order} needs more than {order} different stresses")
+        if np.any(resistance <= 0) or stress.max() <= 0:
+            raise ValueError("the specimen needs positive sheet resistances and a positive largest stress")
+        largest = float(stress.max())
+        design = chebyshev.chebvander(2 * stress / largest - 1, order)
+        slopes = _slope_matrix(np.linspace(-1.0, 1.0, _CHECKED), order)
+        fitted = resistance
+        for _ in range(6):
+            coefficients = _least_squares_nonincreasing(design / fitted[:, None], resistance / fitted, slopes)
+            fitted = design @ coefficients
+        zero = float(chebyshev.chebval(-1.0, coefficients))
+        return cls(coefficients / zero, largest, zero)
+
+    def sheet_resistance_ohm_sq(self, pressure_pa: Array) -> Array:
+        """(...,) ohm per square at pressures (...,) in pascal."""
+        return self.zero_ohm_sq * chebyshev.chebval(self._coordinate(pressure_pa), self.coefficients)
+
+    def derivative(self, pressure_pa: Array) -> Array:
+        """(...,) ohm per square per pascal at pressures (...,) in pascal; zero where the law is held constant."""
+        pressure = np.asarray(pressure_pa, dtype=float)
+        slope = chebyshev.chebval(self._coordinate(pressure), chebyshev.chebder(self.coefficients))
+        inside = (pressure >= 0) & (pressure <= self.max_stress_pa)
+        return np.where(inside, 2 * self.zero_ohm_sq / self.max_stress_pa * slope, 0.0)
+
+    def scaled(self, zero_ohm_sq: float) -> PiezoPolynomial:
+        """The same law with another value at zero stress, everything in proportion."""
+        return replace(self, zero_ohm_sq=float(zero_ohm_sq))
+
+    def _coordinate(self, pressure_pa: Array) -> Array:
+        return 2 * np.clip(np.asarray(pressure_pa, dtype=float) / self.max_stress_pa, 0.0, 1.0) - 1
+
+
+def _slope_matrix(coordinate: Array, order: int) -> Array:
+    """(N, order+1) derivatives of the Chebyshev polynomials at coordinates (N,)."""
+    columns = [chebyshev.chebval(coordinate, chebyshev.chebder(unit)) for unit in np.eye(order + 1)]
+    return np.stack(columns, axis=1)
