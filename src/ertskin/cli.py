@@ -1,0 +1,194 @@
+"""``ertskin VERB [-m] [group=choice] [key=value]``: hands each verb to its Hydra application."""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import importlib
+import os
+import sys
+import traceback
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ertskin import __version__
+from ertskin.commands import verbs
+from ertskin.configuration import choices, config_dir
+from ertskin.errors import JobFailed, UserError
+
+if TYPE_CHECKING:
+    from omegaconf import DictConfig
+
+USAGE = "usage: ertskin VERB [-m] [group=choice] [key=value]"
+SWEEP_FLAGS = {"-m", "--multirun"}
+# Folder of configurations the commands write for one another (a calibration, a verdict), searched beside ours.
+WRITTEN_CONFIGS = Path("runs/conf")
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run one command; returns the exit status: 0, 1 (a job failed), 2 (a request can't be met) or 130 (Ctrl-C)."""
+    arguments = sys.argv[1:] if arguments is None else arguments
+    try:
+        return _dispatch(arguments)
+    except KeyboardInterrupt:
+        print("ertskin: stopped", file=sys.stderr)
+        return 130
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 1
+    except _Escape as escaped:
+        return _report(escaped.__cause__)
+    except Exception as error:
+        return _report(error)
+
+
+def _dispatch(arguments: list[str]) -> int:
+    if not arguments or arguments[0] in ("-h", "--help", "help"):
+        print(_overview())
+        return 0
+    if arguments[0] == "--version":
+        print(f"ertskin {__version__}")
+        return 0
+    verb, rest = arguments[0], arguments[1:]
+    known = verbs()
+    if verb not in known:
+        raise UserError(f"no command '{verb}': choose one of {', '.join(known)}")
+    if any(argument in ("-h", "--help") for argument in rest):
+        print(_verb_help(verb, known[verb]))
+        return 0
+    _run(verb, rest)
+    return 0
+
+
+def _run(verb: str, arguments: list[str]) -> None:
+    os.environ["HYDRA_FULL_ERROR"] = "1"  # Hydra then raises, and the message is ours to word.
+    import hydra
+
+    extra = [f"hydra.searchpath=[file://{WRITTEN_CONFIGS.resolve()}]"] if WRITTEN_CONFIGS.is_dir() else []
+    sweeping = bool(SWEEP_FLAGS & set(arguments))
+    if sweeping:
+        extra.append(f"hydra.sweep.dir=runs/sweep/{sweep_key(verb, arguments)}")
+    run = importlib.import_module(f"ertskin.commands.{verb}").run
+    task = _told_at_once(run) if sweeping else _escaping(run)
+    sys.argv = [f"ertskin {verb}", *arguments, *extra]
+    hydra.main(version_base="1.3", config_path=str(config_dir()), config_name=verb)(task)()
+
+
+class _Escape(BaseException):
+    """Carries an error past Hydra, which would print a line of its own about it."""
+
+
+def _escaping(run: Callable[[DictConfig], Any]) -> Callable[[DictConfig], Any]:
+    @functools.wraps(run)
+    def task(config: DictConfig) -> Any:
+        try:
+            return run(config)
+        except Exception as error:
+            raise _Escape from error
+
+    return task
+
+
+def _told_at_once(run: Callable[[DictConfig], Any]) -> Callable[[DictConfig], Any]:
+    """A sweep's job: Hydra keeps a failure to itself until every other job is through, so it is said here."""
+
+    @functools.wraps(run)
+    def task(config: DictConfig) -> Any:
+        try:
+            return run(config)
+        except Exception as error:
+            from hydra.core.hydra_config import HydraConfig
+
+            words = " ".join(HydraConfig.get().overrides.task)
+            print(f"ertskin: FAILED {words}: {_users_line(error) or error!r}", file=sys.stderr, flush=True)
+            raise
+
+    return task
+
+
+def sweep_key(verb: str, arguments: list[str]) -> str:
+    """Name of a sweep: the same request, whatever its launcher and the order of its words, has the same one."""
+    words = sorted(word for word in arguments if word not in SWEEP_FLAGS and not word.startswith("hydra"))
+    return f"{verb}-{hashlib.sha256(repr((verb, words)).encode()).hexdigest()[:12]}"
+
+
+def _report(error: BaseException | None) -> int:
+    if os.environ.get("ERTSKIN_TRACEBACK"):
+        traceback.print_exception(error)
+    line = _users_line(error)
+    if line is None:
+        traceback.print_exception(error)
+        line = "an error in ertskin itself, shown above"
+    print(f"ertskin: {line}", file=sys.stderr)
+    return 2 if _users_fault(error) else 1
+
+
+def _users_fault(error: BaseException | None) -> bool:
+    from hydra.errors import HydraException
+    from omegaconf.errors import OmegaConfBaseException
+
+    # An error class of a module that was never imported can't have been raised.
+    recording = sys.modules.get("hardware.recording")
+    kinds = (UserError, HydraException, OmegaConfBaseException, *([recording.RecordingError] if recording else []))
+    return isinstance(error, kinds)
+
+
+def _users_line(error: BaseException | None) -> str | None:
+    """The one line that tells a person what went wrong, or None where that takes a traceback."""
+    from omegaconf.errors import MissingMandatoryValue
+
+    if isinstance(error, MissingMandatoryValue):
+        key = error.full_key or str(error).rsplit(": ", 1)[-1]
+        return f"'{key}' must be given: {key}=VALUE"
+    if isinstance(error, JobFailed) or _users_fault(error):
+        return " ".join(str(error).split())
+    return None
+
+
+def _overview() -> str:
+    known = verbs()
+    width = max(map(len, known), default=0)
+    lines = [f"  {name:<{width}}  {text.splitlines()[0] if text else ''}" for name, text in known.items()]
+    return "\n".join(
+        [
+            "ertskin: from a recording on a soft ERT skin to a calibrated network.",
+            "",
+            USAGE,
+            "",
+            *lines,
+            "",
+            "ertskin VERB --help shows a command's settings and their defaults.",
+            "A comma between values and -m runs them all: ertskin train -m grid=4x4,6x6 recording=FILE",
+        ]
+    )
+
+
+def _verb_help(verb: str, text: str) -> str:
+    from omegaconf import OmegaConf
+
+    path = config_dir() / f"{verb}.yaml"
+    groups = []
+    for entry in OmegaConf.load(path).get("defaults", []):
+        for group, default in entry.items() if hasattr(entry, "items") else ():
+            name = str(group).removeprefix("override ").lstrip("/").split("@")[0].removeprefix("optional ")
+            if available := choices(name):
+                groups.append(f"  {name}={'|'.join(available)}" + (f"  (default {default})" if default else ""))
+    settings = [line for line in path.read_text(encoding="utf-8").splitlines() if line.strip()]
+    return "\n".join(
+        [
+            f"usage: ertskin {verb} [-m] [group=choice] [key=value]",
+            "",
+            text,
+            *(["", "groups:", *groups] if groups else []),
+            "",
+            f"settings and defaults ({path}):",
+            *(f"  {line}" for line in settings),
+            "",
+            f"ertskin {verb} --cfg job shows the whole configuration that would be used.",
+        ]
+    )
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,28 @@
+"""Open the experiments' pages: every run with its settings, metrics, figures and model.
+
+The pages are served by MLflow on this machine alone, until Ctrl-C.
+"""
+
+from __future__ import annotations
+
+import webbrowser
+from pathlib import Path
+
+from omegaconf import DictConfig
+
+
+def run(config: DictConfig) -> None:
+    """Serve until interrupted."""
+    from ertskin.configuration import whole_number
+    from ertskin.tracking.dashboard import experiment_url, serving, usable_port
+    from ertskin.tracking.store import experiment_id, open_store
+
+    database, artifacts = Path(config.tracking.database), Path(config.tracking.artifacts)
+    port = usable_port(whole_number(config, "port"))
+    experiment = experiment_id(open_store(database), config.tracking.experiment, artifacts)
+    with serving(database, artifacts, port) as server:
+        url = experiment_url(port, experiment)
+        print(f"dashboard: {url}   (Ctrl-C ends it)", flush=True)
+        if config.open:
+            webbrowser.open(url)
+        server.wait()
