@@ -1,0 +1,58 @@
+"""Worker processes of this machine, one BLAS thread each."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import dataclass
+from multiprocessing import get_context
+from typing import Any, TypeVar
+
+from threadpoolctl import threadpool_limits
+
+Result = TypeVar("Result")
+THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+
+_compute: Callable[[int], Any] | None = None
+
+
+@dataclass(frozen=True)
+class LocalCluster:
+    """``workers`` processes; 0 takes one per core. A single worker works in this process."""
+
+    workers: int = 0
+
+    def spread(self, compute: Callable[[int], Result], numbers: Iterable[int]) -> Iterator[tuple[int, Result]]:
+        """Yield ``(number, compute(number))`` as done; an exception in a worker is raised here."""
+        todo = list(numbers)
+        workers = min(self.workers or os.cpu_count() or 1, len(todo))
+        if workers <= 1:
+            with threadpool_limits(1):
+                for number in todo:
+                    yield number, compute(number)
+            return
+        # The variables must be set before a child loads its BLAS; threads of two busy processes fight otherwise.
+        before = {name: os.environ.get(name) for name in THREAD_VARIABLES}
+        os.environ.update(dict.fromkeys(THREAD_VARIABLES, "1"))
+        try:
+            with ProcessPoolExecutor(workers, get_context("spawn"), _remember, (compute,)) as pool:
+                waiting = {pool.submit(_call, number): number for number in todo}
+                try:
+                    for done in as_completed(waiting):
+                        yield waiting[done], done.result()
+                finally:
+                    pool.shutdown(wait=False, cancel_futures=True)
+        finally:
+            for name, value in before.items():
+                os.environ.pop(name) if value is None else os.environ.__setitem__(name, value)
+
+
+def _remember(compute: Callable[[int], Any]) -> None:
+    global _compute
+    _compute = compute
+
+
+def _call(number: int) -> Any:
+    assert _compute is not None
+    return _compute(number)
