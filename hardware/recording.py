@@ -48,6 +48,7 @@ __all__ = [
     "RecordingError",
     "RigidBlock",
     "Specimen",
+    "is_unfinished",
     "read_recording",
     "read_segmentation",
     "write_recording",
@@ -77,6 +78,12 @@ def read_segmentation(path: str | Path) -> NDArray[np.uint8]:
         if truth is None:
             raise RecordingError(f"{path}: /truth: found nothing, expected a group with a segmentation")
         return cast(NDArray[np.uint8], truth.numbers("segmentation", (None, None, None), np.uint8))
+
+
+def is_unfinished(path: str | Path) -> bool:
+    """Whether the recording at ``path`` was left by a recorder that never came to its end."""
+    with _opened(Path(path)) as file:
+        return "frames" in file and UNFINISHED in file["frames"].attrs
 
 
 def _opened(path: Path) -> h5py.File:
