@@ -1,0 +1,191 @@
+"""What an effect is: a small parametric term at one stage of the forward chain, with physical parameters.
+
+An effect is a frozen dataclass in a file of its own. Its continuous parameters are declared by ``parameter`` with unit,
+range and the neutral value at which the effect vanishes; fields without that metadata choose a variant (which
+electrode, which form). The subclasses below fix what an effect of each stage does to the chain.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, replace
+from enum import StrEnum
+from typing import Any, ClassVar, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from physics.protocol import Protocol
+from physics.sensor import Sensor
+
+Array = NDArray[np.float64]
+
+
+class Stage(StrEnum):
+    """Stages of the forward chain, in its order."""
+
+    MECHANICS = "mechanics"
+    PIEZORESISTANCE = "piezoresistance"
+    CONDUCTION = "conduction"
+    ELECTRODES = "electrodes"
+    ACQUISITION = "acquisition"
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A continuous parameter: SI ``unit``, allowed range, the value at which it changes nothing, what it means.
+
+    ``typical`` is the size of change a fit starts from; ``defining`` says that the effect is absent at ``neutral``
+    (a time constant has no such value).
+    """
+
+    unit: str
+    low: float
+    high: float
+    neutral: float
+    typical: float
+    meaning: str
+    defining: bool = True
+
+
+def parameter(
+    unit: str, low: float, high: float, neutral: float, typical: float, meaning: str, *, defining: bool = True
+) -> Any:
+    """A dataclass field holding a continuous parameter, neutral by default."""
+    return field(
+        default=neutral,
+        metadata={"parameter": Parameter(unit, low, high, neutral, typical, meaning, defining)},
+    )
+
+
+@dataclass(frozen=True)
+class Effect:
+    """Base of every effect; ``name`` as in the design's table, ``source`` what the form rests on."""
+
+    name: ClassVar[str]
+    stage: ClassVar[Stage]
+    source: ClassVar[str]
+
+    def __post_init__(self) -> None:
+        for key, known in self.parameters().items():
+            value = getattr(self, key)
+            if not known.low <= value <= known.high:
+                raise ValueError(f"{self.name}.{key} = {value:g} {known.unit}: outside [{known.low:g}, {known.high:g}]")
+
+    @classmethod
+    def parameters(cls) -> dict[str, Parameter]:
+        """The continuous parameters by name, in order of declaration."""
+        return {f.name: f.metadata["parameter"] for f in fields(cls) if "parameter" in f.metadata}
+
+    def values(self) -> dict[str, float]:
+        """The continuous parameters' values."""
+        return {key: float(getattr(self, key)) for key in self.parameters()}
+
+    def changed(self, values: Mapping[str, Any]) -> Self:
+        """The same effect with some fields replaced."""
+        return replace(self, **values)
+
+    def settings(self) -> dict[str, Any]:
+        """Every field as plain Python, for a configuration file."""
+        return {f.name: _plain(getattr(self, f.name)) for f in fields(self)}
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, tuple):
+        return [_plain(v) for v in value]
+    return value.item() if isinstance(value, np.generic) else value
+
+
+@dataclass(frozen=True)
+class Strokes:
+    """What the foam under one contact column went through, frame by frame (T,).
+
+    ``sink_m`` how far the pad's top is pressed in (the support's yielding taken off), ``elastic_n`` force of the linear
+    pad there, ``touched`` where a contact presses, ``place`` which spot of the pad (numbered), ``press`` the press's
+    number, ``foam_m`` the top layer's thickness.
+    """
+
+    sink_m: Array
+    elastic_n: Array
+    time_s: Array
+    touched: NDArray[np.bool_]
+    place: NDArray[np.intp]
+    press: NDArray[np.int64]
+    foam_m: float
+
+
+@dataclass(frozen=True)
+class FoamEffect(Effect):
+    """A mechanics effect that changes the pad's reaction force."""
+
+    stage: ClassVar[Stage] = Stage.MECHANICS
+    order: ClassVar[int] = 0
+
+    def reaction_n(self, force_n: Array, strokes: Strokes) -> Array:
+        """(T,) the pad's force in newton, from the force (T,) of the effects before this one."""
+        raise NotImplementedError
+
+
+@dataclass(frozen=True)
+class PlacementEffect(Effect):
+    """A mechanics effect that changes where the indenter lands."""
+
+    stage: ClassVar[Stage] = Stage.MECHANICS
+
+    def contact_m(self, commanded_m: Array, center_m: Array) -> Array:
+        """(...,2) true positions on the sheet of commanded positions (...,2); ``center_m`` (2,) the sheet's middle."""
+        raise NotImplementedError
+
+
+@dataclass(frozen=True)
+class PiezoEffect(Effect):
+    """A piezoresistance effect: what pressure the fabric's law answers to."""
+
+    stage: ClassVar[Stage] = Stage.PIEZORESISTANCE
+    order: ClassVar[int] = 0
+
+    def effective_pressure_pa(self, pressure_pa: Array, position_m: Array, time_s: Array, extent_m: Array) -> Array:
+        """(T,N) pascal, from pressures (T,N) at points (N,2) over times (T,); ``extent_m`` (2,2) the sheet's box."""
+        raise NotImplementedError
+
+
+@dataclass(frozen=True)
+class SheetEffect(Effect):
+    """A conduction effect: the sheet's own conductance."""
+
+    stage: ClassVar[Stage] = Stage.CONDUCTION
+
+    def conductivity_s(self, conductivity_s: Array, position_m: Array, extent_m: Array) -> Array:
+        """(...,N) or (...,N,3) sheet conductance [xx, yy, xy] from (...,N) or (...,N,3) at points (N,2)."""
+        return conductivity_s
+
+    def drift(self, time_s: Array) -> Array:
+        """(T,) factor on the whole sheet's resistance over recording time (T,)."""
+        return np.ones(len(time_s))
+
+
+@dataclass(frozen=True)
+class ElectrodeEffect(Effect):
+    """An effect of the electrodes."""
+
+    stage: ClassVar[Stage] = Stage.ELECTRODES
+
+    def contact_resistance_ohm(self, resistance_ohm: Array, pad_pressure_pa: Array, time_s: Array) -> Array:
+        """(T,L) ohm, from contact resistances (T,L) and mean pressures on the electrodes (T,L) over times (T,)."""
+        return resistance_ohm
+
+    def geometry(self, sensor: Sensor) -> Sensor:
+        """The sensor as it really is."""
+        return sensor
+
+
+@dataclass(frozen=True)
+class AcquisitionEffect(Effect):
+    """An effect of the instrument, on the readings."""
+
+    stage: ClassVar[Stage] = Stage.ACQUISITION
+    order: ClassVar[int] = 0
+
+    def distorted_v(self, voltage_v: Array, protocol: Protocol) -> Array:
+        """(T,K,M) what the instrument says of readings (T,K,M) in volt."""
+        raise NotImplementedError

@@ -1,0 +1,42 @@
+"""The fabric's resistance depends on whether the pressure rose or fell."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from physics.effects.effect import Array, PiezoEffect, parameter
+
+
+@dataclass(frozen=True)
+class PiezoHysteresis(PiezoEffect):
+    """A play operator with relative width: the law answers to x, dragged along by p(1-w) <= x <= p(1+w).
+
+    With ``spread`` > 0 the mean of four plays of widths between w(1-spread) and w(1+spread) (Prandtl-Ishlinskii):
+    the turn from loading to unloading gets rounder.
+    """
+
+    name: ClassVar[str] = "piezo_hysteresis"
+    source: ClassVar[str] = "Krasnosel'skii & Pokrovskii, Systems with Hysteresis (1989), ch. 1: generalised play"
+    order: ClassVar[int] = 2
+
+    width: float = parameter("1", 0.0, 0.6, 0.0, 0.03, "half the loop's width over the pressure")
+    spread: float = parameter("1", 0.0, 1.0, 0.0, 0.2, "spread of the widths", defining=False)
+
+    def effective_pressure_pa(self, pressure_pa: Array, position_m: Array, time_s: Array, extent_m: Array) -> Array:
+        if self.spread == 0:
+            return _play(pressure_pa, self.width)
+        parts = self.width * (1 + self.spread * np.array([-0.75, -0.25, 0.25, 0.75]))
+        return sum((_play(pressure_pa, w) for w in parts), np.zeros_like(pressure_pa)) / len(parts)
+
+
+def _play(pressure_pa: Array, width: float) -> Array:
+    effective = np.empty_like(pressure_pa)
+    state = np.zeros_like(pressure_pa[0])
+    for t, pressure in enumerate(pressure_pa):
+        reach = np.abs(pressure) * width
+        state = np.minimum(np.maximum(state, pressure - reach), pressure + reach)
+        effective[t] = state
+    return effective

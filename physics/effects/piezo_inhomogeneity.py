@@ -1,0 +1,45 @@
+"""The fabric's sensitivity to pressure varies over the sheet."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from physics.effects.effect import Array, PiezoEffect, parameter
+from physics.effects.smooth_field import Nodes, field_at
+
+
+@dataclass(frozen=True)
+class PiezoInhomogeneity(PiezoEffect):
+    """Pressure times exp(g(x)): a Gaussian spot, a slope over the sheet, and a smooth field given by ``nodes``.
+
+    ``gradient_x``, ``gradient_y``: change of g from one end of the sheet to the other.
+    """
+
+    name: ClassVar[str] = "piezo_inhomogeneity"
+    source: ClassVar[str] = "Paper III-D: the left-top area of the real sensor is more sensitive, from fabrication"
+    order: ClassVar[int] = 0
+
+    amplitude: float = parameter("1", -2.0, 2.0, 0.0, 0.1, "logarithm of the sensitivity at the spot's middle")
+    x_m: float = parameter("m", -1.0, 1.0, 0.0, 5e-3, "spot's middle", defining=False)
+    y_m: float = parameter("m", -1.0, 1.0, 0.0, 5e-3, "spot's middle", defining=False)
+    radius_m: float = parameter("m", 2e-3, 1.0, 0.03, 5e-3, "spot's standard deviation", defining=False)
+    gradient_x: float = parameter("1", -2.0, 2.0, 0.0, 0.05, "logarithm of the sensitivity, right end against left")
+    gradient_y: float = parameter("1", -2.0, 2.0, 0.0, 0.05, "logarithm of the sensitivity, top against bottom")
+    nodes: Nodes = ()
+
+    def log_sensitivity(self, position_m: Array, extent_m: Array) -> Array:
+        """(N,) natural logarithm of the sensitivity at positions (N,2)."""
+        middle = extent_m.mean(axis=0)
+        span = extent_m[1] - extent_m[0]
+        unit = (position_m - middle) / span
+        squared = ((position_m - np.array([self.x_m, self.y_m])) ** 2).sum(axis=-1)
+        spot = self.amplitude * np.exp(-0.5 * squared / self.radius_m**2)
+        slope = self.gradient_x * unit[..., 0] + self.gradient_y * unit[..., 1]
+        field = field_at(self.nodes, position_m, extent_m) if self.nodes else 0.0
+        return np.asarray(spot + slope + field)
+
+    def effective_pressure_pa(self, pressure_pa: Array, position_m: Array, time_s: Array, extent_m: Array) -> Array:
+        return pressure_pa * np.exp(self.log_sensitivity(position_m, extent_m))

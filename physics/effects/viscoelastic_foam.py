@@ -1,0 +1,35 @@
+"""The foam's force relaxes at constant depth."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from physics.effects.effect import Array, FoamEffect, Strokes, parameter
+from physics.effects.exponential_memory import relaxing
+
+
+@dataclass(frozen=True)
+class ViscoelasticFoam(FoamEffect):
+    """Prony series on the elastic force: F = e + sum_i f_i (part of e not yet relaxed with time constant tau_i).
+
+    ``fraction`` is relative to the fully relaxed force. The pad can't pull the indenter: a negative force is none.
+    """
+
+    name: ClassVar[str] = "viscoelastic_foam"
+    source: ClassVar[str] = "Simo, Comput. Methods Appl. Mech. Eng. 60 (1987) 153: quasi-linear relaxation, Prony series"
+    order: ClassVar[int] = 3
+
+    fraction: float = parameter("1", 0.0, 5.0, 0.0, 0.05, "relaxing force over the relaxed force")
+    time_s: float = parameter("s", 0.05, 2000.0, 5.0, 1.0, "relaxation time", defining=False)
+    slow_fraction: float = parameter("1", 0.0, 5.0, 0.0, 0.05, "the same, second term")
+    slow_time_s: float = parameter("s", 1.0, 20000.0, 60.0, 10.0, "relaxation time of the second term", defining=False)
+
+    def reaction_n(self, force_n: Array, strokes: Strokes) -> Array:
+        force = force_n.copy()
+        for fraction, time_s in ((self.fraction, self.time_s), (self.slow_fraction, self.slow_time_s)):
+            if fraction > 0:
+                force += fraction * relaxing(force_n, strokes.time_s, time_s)
+        return np.maximum(force, 0.0)
