@@ -169,7 +169,7 @@ def _verb_help(verb: str, text: str) -> str:
 
     path = config_dir() / f"{verb}.yaml"
     groups = []
-    for entry in OmegaConf.load(path).get("defaults", []):
+    for entry in OmegaConf.to_container(OmegaConf.load(path)).get("defaults", []):  # type: ignore[union-attr,call-overload]
         for group, default in entry.items() if hasattr(entry, "items") else ():
             name = str(group).removeprefix("override ").lstrip("/").split("@")[0].removeprefix("optional ")
             if available := choices(name):
