@@ -258,17 +258,24 @@ def rest_quality(rest_v: Array, protocol: Protocol) -> RestQuality:
 
 def _noise(flat_v: Array, basis: Array) -> tuple[float, float, float]:
     """Noise (V), drift (V) and share of spikes of rest frames (T, K*M)."""
-    if len(flat_v) < 2:
+    share = basis.shape[1] / basis.shape[0]
+    if len(flat_v) < 2 or share >= 1.0:
         return 0.0, 0.0, 0.0
     step = np.diff(flat_v, axis=0) / np.sqrt(2.0)
-    coordinates = step @ basis
-    left = step - coordinates @ basis.T
-    share = basis.shape[1] / basis.shape[0]
-    sigma = 1.4826 * float(np.median(np.abs(left))) / np.sqrt(1.0 - share) if share < 1.0 else 0.0
-    drift = float(np.sqrt(share * max(0.0, float(np.mean(coordinates**2)) - sigma**2)))
+    spike = np.zeros(step.shape, dtype=bool)
+    # A spike leaks into every reading's reciprocal part: take the found ones back to that part, and look again.
+    for _ in range(4):
+        reciprocal = (step @ basis) @ basis.T
+        left = step - reciprocal
+        sigma = 1.4826 * float(np.median(np.abs(left))) / np.sqrt(1.0 - share)
+        fresh = np.abs(left) > SPIKE_SIGMAS * sigma
+        if sigma == 0.0 or not fresh.any():
+            break
+        spike |= fresh
+        step = np.where(fresh, reciprocal, step)
+    drift = float(np.sqrt(max(0.0, float(np.mean(reciprocal**2)) - share * sigma**2)))
     # A spike shows in the two differences around its frame.
-    spikes = float(np.mean(np.abs(left) > SPIKE_SIGMAS * sigma)) / 2.0 if sigma > 0 else 0.0
-    return sigma, drift, spikes
+    return sigma, drift, float(np.mean(spike)) / 2.0
 
 
 def _worst_electrode(defect_v: Array, protocol: Protocol) -> tuple[int, float]:

@@ -1,0 +1,280 @@
+"""The recording file: what is written comes back to the bit, and what can't be read is refused in one line."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+from hardware.recording import (
+    Coupon,
+    Frames,
+    Recording,
+    RecordingError,
+    RigidBlock,
+    Specimen,
+    read_recording,
+    read_segmentation,
+    write_recording,
+)
+from physics.history import History
+from physics.protocol import Protocol, electrode_pairs
+from physics.sensor import Layer, Sensor, four_points_m, rectangle_m, taxel_grid_m
+
+
+def example(seed: int = 0, adc: bool = True) -> Recording:
+    """A small whole recording with every part."""
+    random = np.random.default_rng(seed)
+    corners = np.array([[0.01, 0.01], [0.09, 0.01], [0.01, 0.05], [0.09, 0.05]])
+    sensor = Sensor(
+        rectangle_m((0.1, 0.06)),
+        18e3,
+        10.0,
+        corners,
+        np.full((4, 2), 4e-3),
+        taxel_m=taxel_grid_m((0.1, 0.06), 3, 2),
+        layers=(Layer("foam", 4e-3, 28e3, 0.3), Layer("fabric", 4e-4, 344e3, 0.4)),
+        indenter_points_m=four_points_m(0.01),
+        pad_margin_m=0.02,
+    )
+    pairs = electrode_pairs(4)
+    protocol = Protocol.against_sink(
+        pairs, 4, 1e-4, injection_offset_s=np.arange(6) * 0.05, scan_s=0.3, adc_volts_per_count=1e-4, adc_limit_v=10.0
+    )
+    count = random.integers(0, 50_000, (5, 6, 4), dtype=np.int32)
+    contact = np.full((5, 1, 2), np.nan)
+    contact[1:4] = 0.03
+    depth = np.array([np.nan, 1e-3, 2e-3, 1e-3, np.nan])[:, None]
+    history = History(
+        10.0 + 0.5 * np.arange(5),
+        np.array([0, 0, 0, 0, 1]),
+        np.array([0, 1, 2, 3, 0], dtype=np.uint8),
+        contact,
+        depth,
+        random.normal(size=(5, 1)),
+    )
+    frames = Frames((count * 1e-4).astype(np.float32), history, count if adc else None)
+    times = np.arange(8.0)
+    return Recording(
+        "bench", "2026-01-01T00:00:00Z", "an example", sensor, protocol, frames,
+        Specimen(1e3 * times, 18e3 - 1e3 * times, times, np.arange(8) // 4),
+        RigidBlock(1e-5 * times, 0.09 * times),
+        Coupon(times, 0.01 - 1e-4 * times, times, 0.01, 5e-5, "free", 1.0),
+    )  # fmt: skip
+
+
+def assert_same(one: object, other: object, name: str = "recording") -> None:
+    """Equal to the last bit, NaN and dtype included."""
+    if dataclasses.is_dataclass(one):
+        for field in dataclasses.fields(one):
+            assert_same(getattr(one, field.name), getattr(other, field.name), f"{name}.{field.name}")
+    elif isinstance(one, np.ndarray):
+        assert isinstance(other, np.ndarray), name
+        assert (one.dtype, one.shape, one.tobytes()) == (other.dtype, other.shape, other.tobytes()), name
+    else:
+        assert one == other, name
+
+
+def written(folder: Path) -> Path:
+    path = folder / "example.h5"
+    write_recording(path, example())
+    return path
+
+
+def test_comes_back_to_the_bit(tmp_path: Path) -> None:
+    assert_same(example(), read_recording(written(tmp_path)))
+
+
+def test_same_recording_same_bytes(tmp_path: Path) -> None:
+    write_recording(tmp_path / "a.h5", example())
+    write_recording(tmp_path / "b.h5", read_recording(tmp_path / "a.h5"))
+    assert (tmp_path / "a.h5").read_bytes() == (tmp_path / "b.h5").read_bytes()
+
+
+def test_outline_edges_currents_and_differences_come_back(tmp_path: Path) -> None:
+    angle = 2 * np.pi * np.arange(16) / 16
+    outline = 0.1 * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    sensor = Sensor(outline, electrode_edge_m=np.stack([outline[::4], outline[1::4]], axis=1))
+    current = 1e-3 * (np.eye(4) - np.roll(np.eye(4), 1, axis=1))
+    protocol = Protocol.differences(current, np.array([[0, 1], [1, 2], [2, 3]]))
+    frames = Frames(
+        np.ones((1, 4, 3), np.float32),
+        History(
+            np.zeros(1), np.zeros(1, np.int64), np.zeros(1, np.uint8), np.zeros((1, 0, 2)), *2 * [np.zeros((1, 0))]
+        ),
+    )
+    recording = Recording("tank", "", "", sensor, protocol, frames)
+    write_recording(tmp_path / "tank.h5", recording)
+    assert_same(recording, read_recording(tmp_path / "tank.h5"))
+
+
+def test_every_shared_recording_comes_back(shared_data: Path, tmp_path: Path) -> None:
+    files = [*sorted((shared_data / "recordings").glob("known_none.h5")), *sorted((shared_data / "real").glob("*.h5"))]
+    files += [shared_data / "recordings" / "rig_b_test_two.h5"]
+    read = [path for path in files if not path.name.startswith("eidors_")]
+    assert len(read) >= 14
+    for path in read:
+        recording = read_recording(path)
+        write_recording(tmp_path / path.name, recording)
+        assert_same(recording, read_recording(tmp_path / path.name), path.name)
+
+
+def test_the_tanks_truth_is_read_apart(shared_data: Path) -> None:
+    truth = read_segmentation(shared_data / "real" / "ktc2023_tank_a.h5")
+    assert truth.shape == (3, 256, 256)
+    assert set(np.unique(truth)) <= {0, 1, 2}
+
+
+def test_nothing_is_overwritten(tmp_path: Path) -> None:
+    path = written(tmp_path)
+    before = path.read_bytes()
+    with pytest.raises(RecordingError, match="already there"):
+        write_recording(path, example(1))
+    assert path.read_bytes() == before
+    write_recording(path, example(1), overwrite=True)
+    assert path.read_bytes() != before
+    assert [entry.name for entry in tmp_path.iterdir()] == ["example.h5"]
+
+
+def test_a_write_that_fails_leaves_nothing(tmp_path: Path) -> None:
+    weights = np.zeros((6, 4, 4))
+    weights[:, 0, 0], weights[:, 0, 1], weights[:, 0, 2] = 1.0, -0.5, -0.5
+    odd = dataclasses.replace(example().protocol, measurement=weights)  # type: ignore[type-var]
+    with pytest.raises(RecordingError, match="measurement"):
+        write_recording(tmp_path / "odd.h5", dataclasses.replace(example(), protocol=odd))
+    assert list(tmp_path.iterdir()) == []
+
+
+def _attribute(name: str, value: object) -> Callable[[h5py.File], None]:
+    group, _, field = name.rpartition("/")
+    return lambda file: file[group or "/"].attrs.__setitem__(field, value)
+
+
+def _scaled(name: str, factor: float) -> Callable[[h5py.File], None]:
+    return lambda file: file[name].__setitem__(..., file[name][()] * factor)
+
+
+def _replaced(name: str, values: object) -> Callable[[h5py.File], None]:
+    def damage(file: h5py.File) -> None:
+        del file[name]
+        if values is not None:
+            file[name] = values
+
+    return damage
+
+
+def _nan(name: str) -> Callable[[h5py.File], None]:
+    def damage(file: h5py.File) -> None:
+        values = file[name][()]
+        values.flat[len(values.flat) // 2] = np.nan
+        file[name][...] = values
+
+    return damage
+
+
+def _layer(field: str, factor: float) -> Callable[[h5py.File], None]:
+    def damage(file: h5py.File) -> None:
+        layers = file["sensor/layers"][()]
+        layers[field] *= factor
+        file["sensor/layers"][...] = layers
+
+    return damage
+
+
+DAMAGE = {
+    "no format": (lambda file: file.attrs.__delitem__("format"), "/format"),
+    "other format": (_attribute("/format", "something"), "/format"),
+    "later version": (_attribute("/format_version", 2), "/format_version"),
+    "no version": (lambda file: file.attrs.__delitem__("format_version"), "/format_version"),
+    "frames lost": (_replaced("frames/voltage_v", None), "/frames/voltage_v"),
+    "one injection short": (_replaced("frames/voltage_v", np.zeros((5, 5, 4), "f4")), "/frames/voltage_v"),
+    "one frame short": (_replaced("frames/press", np.zeros(4, int)), "/frames/press"),
+    "flat voltages": (_replaced("frames/voltage_v", np.zeros(5, "f4")), "/frames/voltage_v"),
+    "text for time": (_replaced("frames/time_s", np.array([b"a"] * 5)), "/frames/time_s"),
+    "group for time": (lambda file: (file.__delitem__("frames/time_s"), file.create_group("frames/time_s")), "time_s"),
+    "fractional press": (_replaced("frames/press", np.arange(5) + 0.5), "/frames/press"),
+    "unknown phase": (_replaced("frames/phase", np.full(5, 7)), "/frames/phase"),
+    "contacts differ": (_replaced("frames/force_n", np.zeros((5, 2))), "/frames/force_n"),
+    "half a contact": (_nan("frames/contact_m"), "/frames/contact_m"),
+    "nan voltage": (_nan("frames/voltage_v"), "/frames/voltage_v"),
+    "nan time": (_nan("frames/time_s"), "/frames/time_s"),
+    "nan electrode": (_nan("sensor/electrode_center_m"), "/sensor/electrode_center_m"),
+    "nan stress": (_nan("specimen/stress_pa"), "/specimen/stress_pa"),
+    "nan current": (_attribute("protocol/current_a", np.nan), "/protocol/current_a"),
+    "no electrode there": (_replaced("protocol/injection", np.full((6, 2), [0, 9])), "/protocol/injection"),
+    "no reference": (lambda file: file["protocol"].attrs.__delitem__("reference"), "/protocol/reference"),
+    "negative resistance": (_scaled("specimen/sheet_resistance_ohm_sq", -1), "/specimen/sheet_resistance_ohm_sq"),
+    "clockwise": (
+        lambda file: (file["sensor"].attrs.__delitem__("size_m"),
+                      file["sensor"].__setitem__("outline_m", rectangle_m((1, 1))[::-1])), "/sensor/outline_m"),
+    "depth in mm": (_scaled("frames/depth_m", 1e3), "/frames/depth_m"),
+    "depth in um": (_scaled("frames/depth_m", 1e6), "/frames/depth_m"),
+    "contacts in mm": (_scaled("frames/contact_m", 1e3), "/frames/contact_m"),
+    "voltage in mV": (_scaled("frames/voltage_v", 1e3), "/frames/voltage_v"),
+    "force in mN": (_scaled("frames/force_n", 1e4), "/frames/force_n"),
+    "sheet in mm": (_attribute("sensor/size_m", [100.0, 60.0]), "size_m"),
+    "electrodes in mm": (_scaled("sensor/electrode_center_m", 1e3), "/sensor/electrode_center_m"),
+    "current in mA": (_attribute("protocol/current_a", 0.1), "current_a"),
+    "modulus in MPa": (_layer("youngs_modulus_pa", 1e-6), "/sensor/layers"),
+    "thickness in mm": (_layer("thickness_m", 1e3), "/sensor/layers"),
+    "poisson of a half": (_layer("poissons_ratio", 2.0), "/sensor/layers"),
+    "stress in MPa": (_scaled("specimen/stress_pa", 1e-6), "/specimen/stress_pa"),
+    "block in mm": (_scaled("rigid_block/depth_m", 1e4), "/rigid_block/depth_m"),
+    "coupon in mm": (_scaled("coupon/gap_m", 1e3), "/coupon/gap_m"),
+    "sideways": (_attribute("coupon/lateral", "sometimes"), "/coupon/lateral"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", DAMAGE)
+def test_damage_is_refused_in_one_line_naming_the_field(name: str, tmp_path: Path) -> None:
+    path = written(tmp_path)
+    damage, field = DAMAGE[name]
+    with h5py.File(path, "r+") as file:
+        damage(file)
+    with pytest.raises(RecordingError) as refusal:
+        read_recording(path)
+    line = str(refusal.value)
+    assert "\n" not in line
+    assert str(path) in line
+    assert field in line
+    assert "found" in line
+    assert "expected" in line
+
+
+def test_files_that_are_no_files(tmp_path: Path) -> None:
+    (tmp_path / "empty.h5").touch()
+    (tmp_path / "text.h5").write_text("voltage,1,2,3\n")
+    for name, what in (("absent.h5", "no such file"), ("empty.h5", "0 bytes"), ("text.h5", "HDF5"), (".", "folder")):
+        with pytest.raises(RecordingError, match=what):
+            read_recording(tmp_path / name)
+
+
+def test_a_file_cut_anywhere_is_refused(tmp_path: Path) -> None:
+    whole = written(tmp_path).read_bytes()
+    cut = tmp_path / "cut.h5"
+    for length in np.linspace(1, len(whole) - 1, 40).astype(int):
+        cut.write_bytes(whole[:length])
+        with pytest.raises(RecordingError) as refusal:
+            read_recording(cut)
+        assert "\n" not in str(refusal.value)
+
+
+def test_a_claim_beyond_what_is_stored_is_refused(tmp_path: Path) -> None:
+    path = written(tmp_path)
+    with h5py.File(path, "r+") as file:
+        del file["frames/voltage_v"]
+        file["frames"].create_dataset("voltage_v", (10**9, 6, 4), "f4", chunks=(1, 6, 4))
+    with pytest.raises(RecordingError, match="voltage_v"):
+        read_recording(path)
+
+
+def test_unknown_fields_are_left_alone(tmp_path: Path) -> None:
+    path = written(tmp_path)
+    with h5py.File(path, "r+") as file:
+        file["truth/segmentation"] = np.zeros((5, 2, 2), np.uint8)
+        file["frames/temperature_k"] = np.full(5, 293.0)
+    assert_same(example(), read_recording(path))
