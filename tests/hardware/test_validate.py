@@ -7,11 +7,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from example_recording import example
 
 from hardware.recording import Frames, write_recording
 from hardware.validate import rest_quality, saturated_share, validate
 from physics.protocol import Protocol, electrode_pairs, pair_resistances
-from tests.hardware.test_recording import example
 
 PROTOCOL = Protocol.against_sink(electrode_pairs(8), 8, 1e-3, adc_limit_v=1.0)
 
