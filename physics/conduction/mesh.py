@@ -1,0 +1,299 @@
+"""A conforming triangle mesh of the sheet, graded towards the rims of pads and the ends of edge electrodes.
+
+Current crowds at a pad's rim within sqrt(R area / R_sheet), 0.1 to 1 mm. Around every pad lies a block of lines
+parallel to its sides, geometrically finer towards the rim, where the field varies fast across but slowly along.
+A product grid is its own Delaunay triangulation however thin its cells, so one Delaunay call joins the blocks, a
+graded quadtree of points between them and the outline.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import brentq
+from scipy.spatial import Delaunay, cKDTree
+
+from physics.sensor import Sensor
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+GROWTH_OF_CELLS = 0.5  # how fast the cell size may grow with distance from a fine place, m per m
+
+
+class MeshError(ValueError):
+    """The outline and electrodes can't be meshed as given."""
+
+
+@dataclass(frozen=True, eq=False)
+class SheetMesh:
+    """Triangles and which of them, or of their edges on the outline, each electrode touches.
+
+    ``point_m`` (N,2); ``triangle`` (E,3) counter-clockwise; ``pad`` (E,) electrode whose pad covers the element, -1
+    for none; ``edge`` L arrays (n,2) of the mesh edges an edge electrode covers. An electrode has one or the other.
+    """
+
+    point_m: Array
+    triangle: Indices
+    pad: Indices
+    edge: tuple[Indices, ...]
+
+    @classmethod
+    def from_nodes(cls, point_m: Array, triangle: Indices, electrode_nodes: Sequence[Indices]) -> SheetMesh:
+        """A mesh made elsewhere whose edge electrodes are given by the outline's nodes they cover."""
+        flipped = triangle_areas(point_m, triangle) < 0
+        triangle = np.where(flipped[:, None], triangle[:, ::-1], triangle).astype(np.intp)
+        side = np.sort(triangle[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+        unique, count = np.unique(side, axis=0, return_counts=True)
+        outline = unique[count == 1]
+        edge = tuple(outline[np.isin(outline, nodes).all(axis=1)] for nodes in electrode_nodes)
+        return cls(point_m, triangle, np.full(len(triangle), -1), edge)
+
+    @property
+    def electrodes(self) -> int:
+        """Number of electrodes L."""
+        return len(self.edge)
+
+    @property
+    def area_m2(self) -> Array:
+        """(E,) areas."""
+        return triangle_areas(self.point_m, self.triangle)
+
+
+@dataclass(frozen=True)
+class Grading:
+    """``cell_m``: largest cell; ``rim_m``: the first cell at a pad's rim or an electrode's end; ``growth``: ratio of
+    one layer to the next, away from the rim."""
+
+    cell_m: float
+    rim_m: float
+    growth: float = 2.5
+
+
+def triangle_areas(point_m: Array, triangle: Indices) -> Array:
+    """(E,) signed areas in m²: positive where the corners run counter-clockwise."""
+    a, b, c = (point_m[triangle[:, k]] for k in range(3))
+    return 0.5 * ((b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0])
+
+
+def mesh_sheet(sensor: Sensor, grading: Grading) -> SheetMesh:
+    """The sensor's sheet as a conforming mesh; raises ``MeshError`` where pads overlap or leave the sheet."""
+    if sensor.electrode_edge_m is not None:
+        return _mesh_with_edges(sensor.outline_m, np.asarray(sensor.electrode_edge_m), grading)
+    return _mesh_with_pads(sensor.outline_m, sensor.electrode_center_m, sensor.electrode_size_m, grading)
+
+
+def layers(length_m: float, first_m: float, growth: float) -> Array:
+    """Distances (0, first_m, ..., length_m) in steps that grow by a constant ratio, at most about ``growth``."""
+    if first_m >= length_m:
+        return np.array([0.0, length_m])
+    count = int(np.ceil(np.log(1 + length_m / first_m * (growth - 1)) / np.log(growth) - 1e-9))
+    if count * first_m >= length_m:
+        return np.linspace(0.0, length_m, count + 1)
+    ratio = brentq(lambda q: first_m * np.sum(q ** np.arange(count)) - length_m, 1.0, growth * (1 + 1e-6))
+    offsets = np.concatenate([[0.0], np.cumsum(first_m * ratio ** np.arange(count))])
+    return offsets * (length_m / offsets[-1])
+
+
+def _mesh_with_pads(outline_m: Array, center_m: Array, size_m: Array, grading: Grading) -> SheetMesh:
+    half = 0.5 * size_m
+    margin = _block_margins(outline_m, center_m, half)
+    blocks = []
+    for c, h, m in zip(center_m, half, margin, strict=True):
+        lines = [_block_lines(c[k], h[k], m, grading) for k in range(2)]
+        blocks.append(np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1).reshape(-1, 2))
+    reach = half + margin[:, None]
+    # The outermost layer of a block sets the cell size beside it, and the distance points must keep from it.
+    outermost = [np.diff(layers(m, grading.rim_m, grading.growth))[-1] for m in margin]
+    beside = np.minimum(grading.cell_m, np.array(outermost))
+
+    def cell(point: Array) -> Array:
+        away = _distance_to_boxes(point, center_m, reach)
+        return np.minimum(grading.cell_m, (beside + GROWTH_OF_CELLS * away).min(axis=1))
+
+    boundary, _ = _outline_points(outline_m, np.zeros(0), cell)
+    inside = _quadtree_points(outline_m, cell)
+    clear = (_distance_to_boxes(inside, center_m, reach) > 0.5 * beside).all(axis=1)
+    point = np.concatenate([boundary, *blocks, _clear_of(inside[clear], boundary, outline_m, cell)])
+    triangle = _delaunay_inside(point, outline_m)
+    pad = _covering_pad(point[triangle].mean(axis=1), center_m, half)
+    mesh = SheetMesh(point, triangle, pad, tuple(np.zeros((0, 2), dtype=np.intp) for _ in center_m))
+    covered = np.bincount(pad + 1, weights=mesh.area_m2, minlength=len(center_m) + 1)[1:]
+    if not np.allclose(covered, size_m.prod(axis=1), rtol=1e-9):
+        raise MeshError("pads overlap, leave the sheet or lie too close to one another to be meshed")
+    _check_area(mesh, outline_m)
+    return mesh
+
+
+def _mesh_with_edges(outline_m: Array, edge_m: Array, grading: Grading) -> SheetMesh:
+    start, stop = (_arc_position(outline_m, edge_m[:, k]) for k in range(2))
+    ends = edge_m.reshape(-1, 2)
+    tree = cKDTree(ends)
+
+    def cell(point: Array) -> Array:
+        return np.minimum(grading.cell_m, grading.rim_m + GROWTH_OF_CELLS * tree.query(point)[0])
+
+    boundary, arc = _outline_points(outline_m, np.concatenate([start, stop]), cell)
+    inside = _quadtree_points(outline_m, cell)
+    point = np.concatenate([boundary, _clear_of(inside, boundary, outline_m, cell)])
+    triangle = _delaunay_inside(point, outline_m)
+    mesh = SheetMesh(point, triangle, np.full(len(triangle), -1), _covered_edges(arc, start, stop, outline_m))
+    _check_area(mesh, outline_m)
+    return mesh
+
+
+def _block_margins(outline_m: Array, center_m: Array, half_m: Array) -> Array:
+    """(L,) how far each pad's block reaches beyond the pad: never into another block, nor near the outline."""
+    margin = 0.5 * half_m.min(axis=1)
+    for k, (center, half) in enumerate(zip(center_m, half_m, strict=True)):
+        corners = center + half * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
+        to_outline = _distance_to_polygon(corners, outline_m).min()
+        others = np.arange(len(center_m)) != k
+        gap = np.abs(center_m[others] - center).__sub__(half_m[others] + half).max(axis=1, initial=-np.inf)
+        margin[k] = min(margin[k], 0.4 * to_outline, 0.3 * gap.min(initial=np.inf))
+    if (margin <= 0).any():
+        raise MeshError(f"pad {int(np.argmin(margin))} overlaps another pad or touches the outline")
+    return margin
+
+
+def _block_lines(center_m: float, half_m: float, margin_m: float, grading: Grading) -> Array:
+    inner = layers(half_m, grading.rim_m, grading.growth)
+    outer = layers(margin_m, grading.rim_m, grading.growth)
+    one_side = np.concatenate([half_m - inner, half_m + outer[1:]])
+    return center_m + np.unique(np.concatenate([-one_side, one_side]))
+
+
+def _distance_to_boxes(point: Array, center_m: Array, half_m: Array) -> Array:
+    """(n,L) distance of points from axis-parallel boxes, 0 inside."""
+    outside = np.maximum(np.abs(point[:, None] - center_m) - half_m, 0.0)
+    return np.hypot(outside[..., 0], outside[..., 1])
+
+
+def _covering_pad(point: Array, center_m: Array, half_m: Array) -> Indices:
+    inside = np.all(np.abs(point[:, None] - center_m) < half_m, axis=2)
+    return np.where(inside.any(axis=1), inside.argmax(axis=1), -1)
+
+
+def _sides(outline_m: Array) -> tuple[Array, Array, Array]:
+    """Start points, vectors and lengths of a closed polygon's sides."""
+    vector = np.roll(outline_m, -1, axis=0) - outline_m
+    return outline_m, vector, np.hypot(vector[:, 0], vector[:, 1])
+
+
+def _distance_to_polygon(point: Array, outline_m: Array) -> Array:
+    """(n,) distance from the closed polygon's boundary."""
+    start, vector, length = _sides(outline_m)
+    best = np.full(len(point), np.inf)
+    for s, v, n in zip(start, vector, length, strict=True):
+        along = np.clip((point - s) @ v / n**2, 0.0, 1.0)
+        off = point - s - along[:, None] * v
+        np.minimum(best, np.hypot(off[:, 0], off[:, 1]), out=best)
+    return best
+
+
+def inside_polygon(point: Array, outline_m: Array) -> NDArray[np.bool_]:
+    """(n,) whether points lie inside a closed polygon (even-odd rule)."""
+    inside = np.zeros(len(point), dtype=bool)
+    x, y = point.T
+    for (x0, y0), (x1, y1) in zip(outline_m, np.roll(outline_m, -1, axis=0), strict=True):
+        if y0 != y1:
+            inside ^= ((y0 > y) != (y1 > y)) & (x < x0 + (y - y0) * (x1 - x0) / (y1 - y0))
+    return inside
+
+
+def _arc_position(outline_m: Array, point: Array) -> Array:
+    """(n,) arc length of points on the outline from its first corner; raises ``MeshError`` if one isn't on it."""
+    start, vector, length = _sides(outline_m)
+    before = np.concatenate([[0.0], np.cumsum(length)[:-1]])
+    along = np.clip(((point[:, None] - start) * vector).sum(axis=2) / length**2, 0.0, 1.0)
+    off = point[:, None] - start - along[..., None] * vector
+    distance = np.hypot(off[..., 0], off[..., 1])
+    side = distance.argmin(axis=1)
+    rows = np.arange(len(point))
+    if (distance[rows, side] > 1e-3 * length.sum() / len(point)).any():
+        raise MeshError(f"electrode end {int(distance[rows, side].argmax())} doesn't lie on the outline")
+    return (before[side] + along[rows, side] * length[side]) % length.sum()
+
+
+def _outline_points(outline_m: Array, required: Array, cell: Callable[[Array], Array]) -> tuple[Array, Array]:
+    """Points on the outline and their arc lengths: all corners, the required arc lengths, and others ``cell`` apart."""
+    corner = np.concatenate([[0.0], np.cumsum(_sides(outline_m)[2])])
+    breaks = np.unique(np.concatenate([corner, required]))
+    breaks = breaks[np.concatenate([[True], np.diff(breaks) > 1e-9 * corner[-1]])]
+    arcs = []
+    for lower, upper in pairwise(breaks):
+        fine = np.linspace(lower, upper, 2 + int(min(2000, 50 * (upper - lower) / cell(_on(outline_m, lower)).min())))
+        density = 1.0 / cell(_on(outline_m, fine))
+        count = np.concatenate([[0.0], np.cumsum(0.5 * (density[1:] + density[:-1]) * np.diff(fine))])
+        pieces = max(1, int(np.ceil(count[-1] - 1e-9)))
+        arcs.append(np.interp(np.linspace(0, count[-1], pieces + 1)[:-1], count, fine))
+    arc = np.concatenate(arcs)
+    return _on(outline_m, arc), arc
+
+
+def _on(outline_m: Array, arc: Array | float) -> Array:
+    """(n,2) points of the outline at arc lengths."""
+    start, vector, length = _sides(outline_m)
+    corner = np.concatenate([[0.0], np.cumsum(length)])
+    arc = np.atleast_1d(arc)
+    side = np.clip(np.searchsorted(corner, arc, side="right") - 1, 0, len(length) - 1)
+    return start[side] + ((arc - corner[side]) / length[side])[:, None] * vector[side]
+
+
+def _quadtree_points(outline_m: Array, cell: Callable[[Array], Array]) -> Array:
+    """Corners of the leaves of a quadtree whose leaves are no larger than ``cell`` at their centres."""
+    low, high = outline_m.min(axis=0), outline_m.max(axis=0)
+    extent = high - low
+    # Whole cells across both sides keep the grid in step with a rectangular outline.
+    coarse = np.ceil(extent / cell(np.zeros((1, 2)) + 0.5 * (low + high)).max()).astype(int)
+    size = extent / coarse
+    index = np.stack(np.meshgrid(*(np.arange(n) for n in coarse), indexing="ij"), axis=-1).reshape(-1, 2)
+    scale, found = 1, []
+    corner = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
+    while len(index):
+        center = low + (index + 0.5) * size / scale
+        split = size.max() / scale > 1.2 * cell(center)
+        found.append(((index[~split, None] + corner) / scale).reshape(-1, 2))
+        index = (2 * index[split, None] + corner).reshape(-1, 2)
+        scale *= 2
+    return low + np.unique(np.concatenate(found), axis=0) * size
+
+
+def _clear_of(point: Array, boundary: Array, outline_m: Array, cell: Callable[[Array], Array]) -> Array:
+    """The points inside the outline that keep the outline's edges Delaunay and leave no thin cells beside it."""
+    point = point[inside_polygon(point, outline_m)]
+    spacing = np.hypot(*(boundary - np.roll(boundary, 1, axis=0)).T)
+    near, at = cKDTree(boundary).query(point)
+    local = np.maximum(0.55 * cell(point), 0.75 * np.maximum(spacing, np.roll(spacing, -1))[at])
+    return point[np.minimum(near, _distance_to_polygon(point, outline_m)) > local * np.where(near < local, 1.0, 0.75)]
+
+
+def _delaunay_inside(point: Array, outline_m: Array) -> Indices:
+    triangle = Delaunay(point).simplices.astype(np.intp)
+    area = triangle_areas(point, triangle)
+    triangle[area < 0] = triangle[area < 0][:, ::-1]
+    side = np.hypot(*(point[triangle] - point[np.roll(triangle, 1, axis=1)]).transpose(2, 0, 1)).max(axis=1)
+    solid = np.abs(area) > 1e-9 * side**2
+    return triangle[solid & inside_polygon(point[triangle].mean(axis=1), outline_m)]
+
+
+def _covered_edges(arc: Array, start: Array, stop: Array, outline_m: Array) -> tuple[Indices, ...]:
+    """Mesh edges (n,2) of the outline between each electrode's ends; the first points of the mesh are the outline's."""
+    around = _sides(outline_m)[2].sum()
+    following = np.concatenate([arc[1:], [around]])
+    middle = 0.5 * (arc + following)
+    edge = np.stack([np.arange(len(arc)), np.roll(np.arange(len(arc)), -1)], axis=1)
+    return tuple(edge[(middle - a) % around < (b - a) % around] for a, b in zip(start, stop, strict=True))
+
+
+def _check_area(mesh: SheetMesh, outline_m: Array) -> None:
+    x, y = outline_m.T
+    area = 0.5 * float(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)))
+    if area <= 0:
+        raise MeshError("the outline must run counter-clockwise")
+    if not np.isclose(mesh.area_m2.sum(), area, rtol=1e-9):
+        raise MeshError(f"the mesh covers {mesh.area_m2.sum():.6e} m² of the outline's {area:.6e} m²")
