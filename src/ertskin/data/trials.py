@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from physics.protocol import Protocol
 
 Array = NDArray[np.float64]
+READINGS_AT_ONCE = 1024
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,9 +54,19 @@ class TrialSet:
         """(N,P) volt: the changes in the coordinates in which white reading noise stays white."""
         return protocol.whitened(self.change_ohm)
 
-    def readings_v(self, protocol: Protocol) -> Array:
-        """(N,R) volt: the changes of all readings, R = K*M (6624 for the paper's skin)."""
-        return self.change_ohm @ protocol.design.T
+    def readings_v(self, protocol: Protocol) -> NDArray[np.float32]:
+        """(N,R) volt: the changes of all readings, R = K*M (6624 for the paper's skin), in the files' precision."""
+        readings = np.empty((len(self), protocol.design.shape[0]), dtype=np.float32)
+        for start in range(0, len(self), READINGS_AT_ONCE):
+            part = slice(start, start + READINGS_AT_ONCE)
+            readings[part] = self.change_ohm[part] @ protocol.design.T
+        return readings
+
+    def readings_moments_v(self, protocol: Protocol) -> tuple[Array, Array]:
+        """(R,) mean and (R,) standard deviation of the readings' changes, exactly, from those of the P numbers."""
+        covariance = np.cov(self.change_ohm, rowvar=False, bias=True)
+        variance = np.einsum("rp,rp->r", protocol.design @ covariance, protocol.design)
+        return protocol.design @ self.change_ohm.mean(axis=0), np.sqrt(np.maximum(variance, 0.0))
 
 
 def joined(sets: Sequence[TrialSet]) -> TrialSet:

@@ -1,0 +1,55 @@
+"""The force-estimation network of the paper (IV-A, Fig. 9): a localization part and a force part, multiplied."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor, nn
+
+from ertskin.data.tensors import TrialTensors
+from ertskin.data.trials import TrialSet
+from ertskin.models.scaling import Standardise
+from ertskin.models.touch import TouchNetwork
+from physics.noise.model import Noise
+from physics.protocol import Protocol
+
+
+class MaskedNetwork(TouchNetwork):
+    """Two hidden layers of ``hidden`` neurons for each part, batch normalisation on all of them.
+
+    Localization: sigmoid activations and output. Force: ReLU, at the output too. The two parts share no weight; they
+    are trained side by side, which for Adam is the same as one after the other, and their first layers are kept as
+    one matrix because the readings need then be fetched only once.
+    """
+
+    def __init__(self, inputs: int, taxel_m: list[list[float]], hidden: int = 36, threshold: float = 0.5) -> None:
+        super().__init__(taxel_m, threshold)
+        self.arguments = {"inputs": inputs, "taxel_m": taxel_m, "hidden": hidden, "threshold": threshold}
+        self.scale = Standardise(inputs)
+        self.first = nn.Sequential(nn.Linear(inputs, 2 * hidden), nn.BatchNorm1d(2 * hidden))
+        self.location = _rest(hidden, len(taxel_m), nn.Sigmoid)
+        self.force = _rest(hidden, len(taxel_m), nn.ReLU)
+
+    def prepare(self, protocol: Protocol, trials: TrialSet, noise: Noise, seed: int) -> TrialTensors:
+        """Clean simulated readings, as in the paper: noise is the denoiser's business."""
+        self.scale.fit(*trials.readings_moments_v(protocol))
+        inputs = torch.from_numpy(trials.readings_v(protocol))
+        # In place: the readings of the paper's trials take a gigabyte.
+        inputs -= self.scale.mean
+        inputs /= self.scale.std
+        return TrialTensors(inputs, self.targets(trials))
+
+    def scaled(self, change_v: Tensor) -> Tensor:
+        """(N,R) volt to standardised inputs."""
+        return self.scale(change_v)
+
+    def layers_out(self, inputs: Tensor) -> tuple[Tensor, Tensor]:
+        """(N,n) logits and (N,n) forces in newton."""
+        location, force = self.first(inputs).chunk(2, dim=1)
+        return self.location(location), torch.relu(self.force(force))
+
+
+def _rest(hidden: int, outputs: int, activation: type[nn.Module]) -> nn.Sequential:
+    """A part from its first activation on."""
+    return nn.Sequential(
+        activation(), nn.Linear(hidden, hidden), nn.BatchNorm1d(hidden), activation(), nn.Linear(hidden, outputs)
+    )

@@ -1,0 +1,87 @@
+"""What all networks share: inputs scaled by what they were trained on, and several mini-batches in one step."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar, Literal
+
+import lightning.pytorch as pl
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from ertskin.data.tensors import Batches, TrialTensors
+from ertskin.data.trials import TrialSet
+from ertskin.errors import JobFailed
+from ertskin.models.estimate import Estimate
+from physics.noise.model import Noise
+from physics.protocol import Protocol
+
+Array = NDArray[np.float64]
+Reads = Literal["readings", "coordinates"]
+
+
+class Network(pl.LightningModule):
+    """A network trained with Adam on chunks of mini-batches.
+
+    Lightning's cost per step exceeds that of a small network's mathematics, so one ``training_step`` takes a chunk of
+    mini-batches and makes one Adam step for each: the same steps as one at a time.
+
+    A subclass gives ``prepare`` (fit its input scaling, and turn trials into tensors) and ``losses``. ``reads`` says
+    what it takes in: the R raw readings of a scan, or the P whitened coordinates of its reciprocal part.
+    """
+
+    reads: ClassVar[Reads] = "readings"
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.automatic_optimization = False
+        self.learning_rate = 1e-3
+        self.annealed = False
+        self.arguments: dict[str, Any] = {}
+
+    def prepare(self, protocol: Protocol, trials: TrialSet, noise: Noise, seed: int) -> TrialTensors:
+        """Fit the scaling of the inputs on ``trials`` and return them as tensors."""
+        raise NotImplementedError
+
+    def losses(self, inputs: Tensor, targets: dict[str, Tensor]) -> dict[str, Tensor]:
+        """Loss terms by name; their sum is minimised. Means over the batch."""
+        raise NotImplementedError
+
+    def estimate(self, change_v: Tensor) -> Estimate:
+        """Touches of (N,D) voltage changes; for networks that reconstruct."""
+        raise NotImplementedError
+
+    def training_step(self, batches: Batches, index: int) -> None:
+        """One Adam step for each mini-batch of the chunk."""
+        optimizer = self.optimizers(use_pl_optimizer=False)
+        total = torch.zeros((), device=self.device)
+        for inputs, targets in batches:
+            loss = torch.stack(list(self.losses(inputs, targets).values())).sum()
+            optimizer.zero_grad(set_to_none=True)  # type: ignore[union-attr]
+            loss.backward()
+            optimizer.step()  # type: ignore[union-attr]
+            total += loss.detach()
+        if not torch.isfinite(total):
+            raise JobFailed(f"the training loss is no longer finite in epoch {self.current_epoch}")
+
+    def on_train_epoch_start(self) -> None:
+        """Lower the learning rate along half a cosine where asked: a function of the epoch alone, as resuming needs."""
+        if self.annealed and self.trainer.max_epochs:
+            share = self.current_epoch / self.trainer.max_epochs
+            for group in self.optimizers(use_pl_optimizer=False).param_groups:  # type: ignore[union-attr]
+                group["lr"] = self.learning_rate * 0.5 * (1 + np.cos(np.pi * share))
+
+    def validation_step(self, batches: Batches, index: int) -> None:
+        """Mean losses over the validation trials; raises ``JobFailed`` where they are no longer finite."""
+        for inputs, targets in batches:
+            parts = self.losses(inputs, targets)
+            total = torch.stack(list(parts.values())).sum()
+            if not torch.isfinite(total):
+                raise JobFailed(f"the validation loss is no longer finite in epoch {self.current_epoch}")
+            named = {"validation_loss": total} | {f"validation_{name}_loss": part for name, part in parts.items()}
+            self.log_dict(named, batch_size=len(inputs), on_epoch=True, on_step=False)
+
+    def configure_optimizers(self) -> torch.optim.Optimizer:
+        """Adam (paper IV-C), its update fused into one kernel."""
+        return torch.optim.Adam(self.parameters(), lr=self.learning_rate, fused=True)

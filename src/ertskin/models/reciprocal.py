@@ -1,0 +1,49 @@
+"""A network on the P reciprocal numbers behind the readings, seen in units of their noise."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from torch import Tensor, nn
+
+from ertskin.data.tensors import TrialTensors
+from ertskin.data.trials import TrialSet
+from ertskin.models.network import Reads
+from ertskin.models.touch import TouchNetwork
+from ertskin.models.trunk import Trunk
+from physics.noise.model import Noise
+from physics.protocol import Protocol
+
+
+class ReciprocalNetwork(TouchNetwork):
+    """Residual network with one head for the mask and one for the force; noise is drawn anew every epoch."""
+
+    reads: ClassVar[Reads] = "coordinates"
+
+    def __init__(
+        self,
+        inputs: int,
+        taxel_m: list[list[float]],
+        width: int = 256,
+        blocks: int = 2,
+        dropout: float = 0.0,
+        threshold: float = 0.5,
+    ) -> None:
+        super().__init__(taxel_m, threshold)
+        self.arguments = {"inputs": inputs, "taxel_m": taxel_m, "width": width, "blocks": blocks, "dropout": dropout}
+        self.arguments["threshold"] = threshold
+        self.trunk = Trunk(inputs, width, blocks, dropout)
+        self.head = nn.Linear(width, 2 * len(taxel_m))
+
+    def prepare(self, protocol: Protocol, trials: TrialSet, noise: Noise, seed: int) -> TrialTensors:
+        """Coordinates in units of the noise, and a bank of noise."""
+        return self.trunk.prepare(protocol, trials, noise, self.targets(trials), seed)
+
+    def scaled(self, change_v: Tensor) -> Tensor:
+        """(N,P) volt to units of the noise."""
+        return self.trunk.whiten(change_v)
+
+    def layers_out(self, inputs: Tensor) -> tuple[Tensor, Tensor]:
+        """(N,n) logits and (N,n) forces in newton."""
+        logit, force = self.head(self.trunk(inputs)).chunk(2, dim=1)
+        return logit, nn.functional.softplus(force)

@@ -1,0 +1,63 @@
+"""Fixed transforms of a network's inputs, fitted once on its training trials and kept with its weights."""
+
+from __future__ import annotations
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor, nn
+
+Array = NDArray[np.float64]
+
+
+class Standardise(nn.Module):
+    """Each input less its mean, over its standard deviation."""
+
+    mean: Tensor
+    std: Tensor
+
+    def __init__(self, inputs: int) -> None:
+        super().__init__()
+        self.register_buffer("mean", torch.zeros(inputs))
+        self.register_buffer("std", torch.ones(inputs))
+
+    def fit(self, mean: Array, std: Array) -> None:
+        """From (inputs,) each; one that never changes takes the largest spread: noise on it mustn't be blown up."""
+        largest = float(std.max()) or 1.0
+        self.mean.copy_(torch.from_numpy(mean))
+        self.std.copy_(torch.from_numpy(np.where(std > 1e-6 * largest, std, largest)))
+
+    def forward(self, values: Tensor) -> Tensor:
+        """(…,inputs) to the same shape."""
+        return (values - self.mean) / self.std
+
+    def inverse(self, values: Tensor) -> Tensor:
+        """Undo ``forward``."""
+        return values * self.std + self.mean
+
+
+class NoiseWhitening(nn.Module):
+    """Inputs in units of the noise: multiplied by the inverse Cholesky factor of its covariance.
+
+    Directions in which the baseline wanders shrink, quiet ones grow: every output carries noise of unit variance,
+    independent of the others.
+    """
+
+    matrix: Tensor
+
+    def __init__(self, inputs: int) -> None:
+        super().__init__()
+        self.register_buffer("matrix", torch.eye(inputs))
+
+    def fit(self, values: Array, covariance: Array, floor: float = 1e-3) -> None:
+        """From (N,inputs) clean values and the noise's covariance.
+
+        ``floor``: least noise assumed, as a share of the values' rms; it keeps a noise-free set usable.
+        """
+        least = (floor * np.sqrt(np.mean(values**2))) ** 2
+        factor = np.linalg.cholesky(covariance + least * np.eye(len(covariance)))
+        self.matrix.copy_(torch.from_numpy(np.linalg.inv(factor).T))
+
+    def forward(self, values: Tensor) -> Tensor:
+        """(…,inputs) to the same shape."""
+        return values @ self.matrix
