@@ -1,0 +1,203 @@
+"""The bench: a skin, an indenter and electronics run through a plan, and written down as a recording."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hardware.recording import Frames, Recording, RigidBlock, Specimen
+from hardware.virtual.bench.acquisition import Electronics
+from hardware.virtual.bench.indenter import MOVE_S, Indenter, lagrange
+from hardware.virtual.bench.nominal import nominal_protocol, nominal_sensor
+from hardware.virtual.bench.piezo import ClosingLaw, LogCreep, WedgeMemory
+from hardware.virtual.bench.plans import PLANS
+from hardware.virtual.bench.skin import FINE, BenchSkin, Resolution
+from hardware.virtual.bench.truth import Truth
+from physics.history import History
+from physics.protocol import Protocol
+from physics.sensor import Sensor
+
+Array = NDArray[np.float64]
+
+CREATED = "2026-01-01T00:00:00Z"
+
+
+class Bench:
+    """One simulated skin on one simulated rig; what is hidden in it stands in ``truth``."""
+
+    def __init__(
+        self,
+        truth: Truth,
+        sensor: Sensor | None = None,
+        protocol: Protocol | None = None,
+        resolution: Resolution = FINE,
+    ) -> None:
+        self.truth = truth
+        self.sensor = sensor or nominal_sensor()
+        self.protocol = protocol or nominal_protocol(self.sensor)
+        self.resolution = resolution
+
+    def recording(self, plan: str, progress: Callable[[int, int], None] | None = None) -> Recording:
+        """The plan of that name (``PLANS``) run through; raises ``KeyError`` for an unknown one."""
+        history = PLANS[plan](self.sensor)
+        frames = self.frames(history, plan, progress)
+        rig = f"bench_{self.truth.seed}"
+        return Recording(rig, CREATED, plan, self.sensor, self.protocol, frames, self.specimen(), self.rigid_block())
+
+    def frames(
+        self, history: History, purpose: str, progress: Callable[[int, int], None] | None = None, ideal: bool = False
+    ) -> Frames:
+        """The scans of a commanded history, with the load cell's forces; ``ideal`` leaves out every random error."""
+        run = _Run(self, purpose)
+        voltage = np.empty((len(history), *self.protocol.shape), dtype=np.float32)
+        force = np.full(history.depth_m.shape, np.nan)
+        for number in range(len(history)):
+            ideal_v, force[number] = run.frame(history, number)
+            voltage[number] = ideal_v if ideal else run.electronics.scan(ideal_v, history.time_s[number])
+            if progress:
+                progress(number + 1, len(history))
+        if not ideal:
+            force += self.truth.rng(f"load cell {purpose}").normal(0.0, self.truth.noise.force_n, force.shape)
+        return Frames(voltage, replace(history, force_n=force))
+
+    def specimen(self, cycles: int = 5) -> Specimen:
+        """The compressometer test: up to the law's closing stress and back, with the pair's own memory."""
+        rng = self.truth.rng("specimen")
+        up: Array = np.linspace(0.0, 6e4, 61)
+        stress = np.tile(np.concatenate([up, up[-2::-1]]), cycles)
+        time_s: Array = 0.5 * np.arange(len(stress), dtype=float)
+        hysteresis, creep = self.truth.parameters("piezo_hysteresis"), self.truth.parameters("piezo_creep")
+        wedge = WedgeMemory(**hysteresis) if hysteresis else None
+        ladder = LogCreep(**creep) if creep else None
+        law = ClosingLaw(**self.truth.law)
+        lagging = wedge.start(()) if wedge else None
+        crept = ladder.start(()) if ladder else None
+        resistance = np.empty(len(stress))
+        for number, value in enumerate(stress):
+            felt = np.asarray(value)
+            if wedge is not None and lagging is not None:
+                lagging, felt = wedge.follow(lagging, felt)
+            resistance[number] = law.resistance_ohm(felt)
+            if ladder is not None and crept is not None:
+                crept = ladder.dwell(crept, felt, 0.5)
+                resistance[number] *= ladder.factor(crept)
+        resistance *= 1.0 + rng.normal(0.0, self.truth.noise.specimen_share, len(stress))
+        return Specimen(stress, resistance, time_s, np.repeat(np.arange(cycles), 2 * len(up) - 1))
+
+    def rigid_block(self) -> RigidBlock:
+        """Pseudo-indentation of a rigid block: the support alone."""
+        depth = np.linspace(0.0, 1e-3, 21)
+        error = self.truth.rng("rigid block").normal(0.0, self.truth.noise.force_n, len(depth))
+        return RigidBlock(depth, self.truth.support_n_per_m * depth + error)
+
+
+class _Run:
+    """A plan being run: the skin, one indenter, the electronics and the clock."""
+
+    def __init__(self, bench: Bench, purpose: str) -> None:
+        self.bench, self.truth = bench, bench.truth
+        self.skin = BenchSkin(bench.sensor, bench.truth, bench.resolution)
+        self.scan_s = bench.protocol.scan_s or 0.0
+        self.indenter = Indenter(bench.truth, self.skin.stiffness_n_per_m, self.scan_s)
+        self.electronics = Electronics(bench.protocol, bench.truth, 0.0, purpose)
+        silent = np.zeros(self.skin.sheet.points_m.shape[:2])
+        rest = self.electronics.potentials_read(self.skin.transfer_ohm(silent, 0.0))
+        self.electronics.top_v = float(rest.max())
+        self._rng = bench.truth.rng(f"repeatability {purpose}")
+        self._press: int | None = None
+        self._gain = 1.0
+        self._walk_ohm = np.zeros(bench.sensor.electrodes)
+        self._jump_ohm = np.zeros(bench.sensor.electrodes)
+        self._held = silent
+        self._silent = silent
+        self._now_s = 0.0
+        self._previous = -1
+
+    def frame(self, history: History, number: int) -> tuple[Array, Array]:
+        """((K,M) ideal readings, (P,) mean forces) of one frame; frames must be asked for in order."""
+        self._next_press(int(history.press[number]))
+        time_s = float(history.time_s[number])
+        touched = history.touched[number]
+        moving = self._previous >= 0 and not np.array_equal(
+            history.contact_m[number], history.contact_m[self._previous], equal_nan=True
+        )
+        if moving:
+            left = float(history.time_s[self._previous]) + self.scan_s
+            self._rest_on(self._held, left)
+            self._held = self._silent
+            self.indenter.lift(left)
+        self._rest_on(self._held, time_s - MOVE_S)
+        self._previous = number
+        forces = self._forces(history, number, touched, time_s)
+        landing = self._landing(history, number)
+        gain = np.where(touched, self._gain, 0.0)
+        mean = forces.mean(axis=0) if len(forces) == 1 else np.trapezoid(forces, axis=0) / (len(forces) - 1)
+        reading = self._scan(landing, gain * mean, gain * forces, time_s)
+        mean = np.where(touched, mean, np.nan)
+        if not touched.any():
+            mean[0] = 0.0
+        return reading, mean
+
+    def _scan(self, landing_m: Array, mean_n: Array, forces_n: Array, time_s: float) -> Array:
+        """(K,M) readings; where the press moves during the scan, interpolated between three of its forces."""
+        swing = np.ptp(forces_n, axis=0).max()
+        if self.truth.parameters("scan_skew") is None or swing < 1e-6:
+            return self._read(landing_m, mean_n, time_s)
+        course = forces_n.sum(axis=1)
+        nodes = np.array([course.min(), (course.min() + course.max()) / 2, course.max()])
+        share = mean_n / mean_n.sum()
+        reading = np.stack([self._read(landing_m, node * share, time_s) for node in nodes])
+        at = np.interp(self.electronics.offset_s, self.indenter.instants_s, course)
+        return np.einsum("kn,nkm->km", lagrange(nodes, at), reading)
+
+    def _read(self, landing_m: Array, force_n: Array, time_s: float) -> Array:
+        spot = self.indenter.spot
+        stiffened = None
+        if spot is not None and spot.sinking_m > 0.0:
+            equivalent = self.indenter.foam.hyperfoam.sinking_equivalent_m(spot.sinking_m)
+            stiffened = np.full(len(force_n), equivalent / spot.sinking_m)
+        pressure = self.skin.pressure_pa(landing_m, force_n, stiffened)
+        middle = time_s + self.scan_s / 2
+        self._held = pressure
+        self._rest_on(pressure, middle)
+        return self.electronics.potentials_read(
+            self.skin.transfer_ohm(pressure, middle, self._walk_ohm + self._jump_ohm)
+        )
+
+    def _rest_on(self, pressure_pa: Array, until_s: float) -> None:
+        self.skin.dwell(pressure_pa, max(until_s - self._now_s, 0.0))
+        self._now_s = max(until_s, self._now_s)
+
+    def _forces(self, history: History, number: int, touched: NDArray[np.bool_], time_s: float) -> Array:
+        """(S,P) forces at the indenter's instants within the scan."""
+        forces = np.zeros((len(self.indenter.instants_s), len(touched)))
+        for contact in np.flatnonzero(touched):
+            depth = history.depth_m[number, contact]
+            if np.isfinite(depth):
+                forces[:, contact] = self.indenter.settle(history.contact_m[number, contact], depth, time_s)
+            else:
+                forces[:, contact] = history.force_n[number, contact]
+        return forces
+
+    def _landing(self, history: History, number: int) -> Array:
+        landing = self.skin.landing_m(history.contact_m[number])
+        if self.truth.noise.placement_m > 0.0 and np.isnan(history.depth_m[number]).all():
+            landing = landing + self._rng.normal(0.0, self.truth.noise.placement_m, landing.shape)
+        return landing
+
+    def _next_press(self, press: int) -> None:
+        """Everything that changes from press to press."""
+        if press == self._press:
+            return
+        self._press = press
+        noise = self.truth.noise
+        self._gain = float(np.exp(self._rng.normal(0.0, 1.0) * noise.press_gain))
+        self._walk_ohm = self._walk_ohm + self._rng.normal(0.0, 1.0, len(self._walk_ohm)) * noise.walk_ohm
+        loose = self.truth.parameters("intermittent_electrode")
+        jump, chance = self._rng.exponential(1.0), self._rng.random()
+        self._jump_ohm = np.zeros_like(self._walk_ohm)
+        if loose and chance < loose["share"]:
+            self._jump_ohm[loose["electrode"]] = loose["jump_ohm"] * jump

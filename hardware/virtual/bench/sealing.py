@@ -1,0 +1,60 @@
+"""Truths sealed before anyone looks: a commitment beside the recording, the truth elsewhere, opened by the score.
+
+The commitment is SHA-256 of nonce and truth. The nonce keeps a guesser from trying truths against it; both lie in the
+truth's file, so that whoever opens it can check that nothing was changed after the recording was handed over.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from pathlib import Path
+
+from hardware.virtual.bench.truth import Truth
+
+
+class SealError(ValueError):
+    """A truth that is missing, or is not the one committed to: one line naming the file."""
+
+
+def _commitment(nonce: str, truth: str) -> str:
+    return hashlib.sha256(f"{nonce}\n{truth}".encode()).hexdigest()
+
+
+def _write(path: Path, content: dict[str, str]) -> None:
+    aside = path.with_name(path.name + ".part")
+    aside.write_text(json.dumps(content, indent=1, sort_keys=True) + "\n")
+    os.replace(aside, path)
+
+
+def _names(recording: Path, folder: Path) -> tuple[Path, Path]:
+    return recording.with_suffix(".seal.json"), folder / f"{recording.stem}.truth.json"
+
+
+def seal(recording: Path, truth: Truth, folder: Path) -> str:
+    """Put the truth of a recording into ``folder``, its commitment beside the recording; returns the commitment.
+
+    The nonce is drawn from the truth's seed: the same suite written again has the same seals.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    beside, hidden = _names(recording, folder)
+    text, nonce = truth.to_json(), truth.rng("seal").bytes(16).hex()
+    commitment = _commitment(nonce, text)
+    _write(hidden, {"nonce": nonce, "truth": text})
+    _write(beside, {"recording": recording.name, "sha256": commitment})
+    return commitment
+
+
+def unseal(recording: Path, folder: Path) -> Truth:
+    """The truth of a recording; raises ``SealError`` if it is missing or doesn't match what was committed."""
+    beside, hidden = _names(recording, folder)
+    try:
+        committed = json.loads(beside.read_text())["sha256"]
+        held = json.loads(hidden.read_text())
+        nonce, text = held["nonce"], held["truth"]
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise SealError(f"{recording}: no seal to open ({error})") from error
+    if _commitment(nonce, text) != committed:
+        raise SealError(f"{hidden}: this is not the truth that was committed in {beside.name}")
+    return Truth.from_json(text)
