@@ -26,7 +26,7 @@ def contact_resistance_fit(measured_v: Array, initial_v: Array, fitted_v: Array)
         right.plot(number, 1e3 * error_v, color=BLUE, lw=0.4)
         right.set_title(f"error: {1e3 * np.sqrt(np.mean(error_v**2)):.3g} mV rms")
         right.set_ylabel("measured − model / mV")
-    a.legend(loc="upper right", ncols=2)
+    a.legend(loc="lower right", bbox_to_anchor=(1.0, 0.97), ncols=2, handlelength=1.2)
     c.set_xlabel("reading")
     d.set_xlabel("reading")
     return figure

@@ -24,9 +24,9 @@ def force_depth(
     """Points measured (N,), the model's line, and the rigid block's line from which the support's stiffness comes."""
     figure, (axes,) = panels()
     up = np.zeros(len(depth_m), dtype=bool) if unloading is None else unloading
-    axes.plot(1e3 * depth_m[~up], force_n[~up], ".", ms=4, color=BLUE, alpha=0.5, label="measured, loading", mew=0)
+    axes.plot(1e3 * depth_m[~up], force_n[~up], ".", ms=6, color=BLUE, alpha=0.5, label="measured, loading", mew=0)
     if up.any():
-        axes.plot(1e3 * depth_m[up], force_n[up], ".", ms=4, color=FAINT, label="measured, unloading", mew=0)
+        axes.plot(1e3 * depth_m[up], force_n[up], ".", ms=6, color=FAINT, label="measured, unloading", mew=0)
     if rigid_depth_m is not None and rigid_force_n is not None:
         axes.plot(1e3 * rigid_depth_m, rigid_force_n, "--", color=INK, lw=0.9, label="rigid block")
         axes.set_ylim(-0.05 * force_n.max(), 1.3 * force_n.max())

@@ -20,6 +20,6 @@ def model_error_cases(measured_v: Array, model_v: Array, names: tuple[str, str])
         axis.plot(1e3 * model.ravel(), color=ORANGE, lw=0.4, alpha=0.7, label="model")
         axis.set_title(f"{kind}: {name}, {1e3 * np.sqrt(np.mean((measured - model) ** 2)):.3g} mV rms")
         axis.set_ylabel("change / mV")
-    axes[0].legend(loc="upper right", ncols=2)
+    axes[0].legend(loc="lower right", bbox_to_anchor=(1.0, 0.97), ncols=2, handlelength=1.2)
     axes[1].set_xlabel("reading")
     return figure

@@ -17,7 +17,7 @@ def specimen(
 ) -> Figure:
     """Compressometer points (N,) and the fifth-order polynomial (M,)."""
     figure, (axes,) = panels()
-    axes.plot(1e-3 * stress_pa, 1e-3 * sheet_resistance_ohm_sq, ".", ms=3, mew=0, color=BLUE, alpha=0.5, label="test")
+    axes.plot(1e-3 * stress_pa, 1e-3 * sheet_resistance_ohm_sq, ".", ms=5, mew=0, color=BLUE, alpha=0.5, label="test")
     axes.plot(1e-3 * fit_stress_pa, 1e-3 * fit_sheet_resistance_ohm_sq, color=ORANGE, label="fifth-order polynomial")
     axes.set_ylim(bottom=0)
     axes.set_xlabel("stress / kPa")

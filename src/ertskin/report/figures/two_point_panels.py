@@ -17,7 +17,7 @@ PAIRS_PER_ROW = 4
 def two_point_panels(taxel_m: Array, true_map_n: Array, estimated_map_n: Array) -> Figure:
     """Trials (N,n): the true map left, the estimate right, with a word whether the sets of taxels agree."""
     rows = -(-len(true_map_n) // PAIRS_PER_ROW)
-    figure = Figure(figsize=(2.75 * PAIRS_PER_ROW, 1.75 * rows), layout="constrained")
+    figure = Figure(figsize=(2.75 * PAIRS_PER_ROW, 1.42 * rows), layout="constrained")
     # A narrow empty column keeps neighbouring pairs apart.
     grid = figure.add_gridspec(rows, 3 * PAIRS_PER_ROW - 1, width_ratios=([1, 1, 0.12] * PAIRS_PER_ROW)[:-1])
     limits = (0.0, float(max(true_map_n.max(), estimated_map_n.max(), 1e-9)))
@@ -38,6 +38,6 @@ def two_point_panels(taxel_m: Array, true_map_n: Array, estimated_map_n: Array) 
             drawn.append(axes)
         drawn[-2].set_title(f"{trial + 1} true", fontsize=8)
         drawn[-1].set_title("✓ exact" if exact else "✗ estimate", fontsize=8, color=GREEN if exact else ORANGE)
-    bar = figure.colorbar(squares, ax=drawn, shrink=0.6, aspect=30, label="force / N")
+    bar = figure.colorbar(squares, ax=drawn, shrink=0.6, aspect=30, pad=0.01, label="force / N")
     bar.outline.set_visible(False)  # type: ignore[operator]
     return figure
