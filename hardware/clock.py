@@ -1,0 +1,54 @@
+"""The one clock of a recording: every timestamp and every wait goes through it."""
+
+from __future__ import annotations
+
+import select
+import time
+from typing import Protocol
+
+
+class Clock(Protocol):
+    """Seconds since an arbitrary start, and ways to let them pass."""
+
+    def now(self) -> float:
+        """Seconds; never runs backwards."""
+        ...
+
+    def sleep(self, seconds: float) -> None:
+        """Let so many seconds pass; nothing for zero or less."""
+        ...
+
+    def wait_readable(self, descriptor: int, timeout_s: float) -> bool:
+        """Wait until the file descriptor can be read (also where its other end is gone); False after the time-out."""
+        ...
+
+    def wrote(self, port: str, count: int) -> None:
+        """Told by a transport that it put ``count`` bytes on the line: a simulated clock waits for their arrival."""
+        ...
+
+    def read(self, port: str, count: int) -> None:
+        """Told by a transport that it took ``count`` bytes off the line."""
+        ...
+
+
+class SystemClock:
+    """The machine's monotonic clock."""
+
+    def now(self) -> float:
+        """Seconds since the machine's start."""
+        return time.monotonic()
+
+    def sleep(self, seconds: float) -> None:
+        """Let so many seconds pass."""
+        if seconds > 0:
+            time.sleep(seconds)
+
+    def wait_readable(self, descriptor: int, timeout_s: float) -> bool:
+        """Wait until the file descriptor can be read."""
+        return bool(select.select([descriptor], [], [], max(0.0, timeout_s))[0])
+
+    def wrote(self, port: str, count: int) -> None:
+        """Real bytes need no book-keeping."""
+
+    def read(self, port: str, count: int) -> None:
+        """Real bytes need no book-keeping."""

@@ -1,0 +1,1 @@
+"""ERT readers: one board one file."""

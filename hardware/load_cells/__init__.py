@@ -1,0 +1,1 @@
+"""Load cells: one instrument one file."""

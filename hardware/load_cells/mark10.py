@@ -1,0 +1,70 @@
+"""A Mark-10 force gauge: asked with ``?``, it answers ``4.285 N``.
+
+Protocol: Mark-10 Series 4 and 5 user's guides, "Command set / Gauge Control Language 2". Requests end in a carriage
+return, answers in carriage return and line feed; compression is positive; errors are ``*10`` illegal command, ``*11``
+not applicable, ``*12`` invalid specifier, ``*22`` value too large.
+"""
+
+from __future__ import annotations
+
+import re
+
+from hardware.failure import NoAnswer, Refusal
+from hardware.instrument import Force
+from hardware.load_cells.units import NEWTON_PER_UNIT
+from hardware.transport import Lines, Transport
+
+ANSWER_S = 0.3
+_READING = re.compile(r"([+-]?\d{1,5}(?:\.\d{1,4})?) (N|mN|kN|lbF|ozF|kgF|gF)")
+_ERROR = re.compile(r"\*(?:10|11|12|22)")
+
+
+def parse_mark10(line: str) -> float | None:
+    """Newton from a reading, or None where the line is no whole reading."""
+    match = _READING.fullmatch(line)
+    return None if match is None else float(match[1]) * NEWTON_PER_UNIT[match[2]]
+
+
+class Mark10:
+    """A Mark-10 force gauge."""
+
+    def __init__(self, transport: Transport) -> None:
+        """The gauge must be set to send units, which it does by default."""
+        self.garbled = 0
+        self._transport = transport
+        self._lines = Lines(transport, longest=256)
+
+    def identify(self) -> str:
+        """The gauge's kind, once it has answered a request."""
+        try:
+            self.force(1.0)
+        except NoAnswer:
+            raise Refusal(f"load cell {self._transport.name}: does not answer '?'") from None
+        return "Mark-10"
+
+    def force(self, timeout_s: float) -> Force:
+        """Ask for the reading now, and again where the answer is lost or damaged."""
+        clock = self._transport.clock
+        deadline = clock.now() + timeout_s
+        while clock.now() < deadline:
+            self._transport.write(b"?\r")
+            patience = min(deadline, clock.now() + ANSWER_S)
+            line = self._lines.next(patience - clock.now())
+            if line is None:
+                continue
+            value = parse_mark10(line)
+            if value is not None:
+                return Force(clock.now(), value)
+            if _ERROR.fullmatch(line):
+                raise Refusal(f"load cell {self._transport.name}: answers {line} to '?'")
+            self.garbled += 1
+            self._lines.discard()
+        raise NoAnswer(f"load cell {self._transport.name}: no reading within {timeout_s:g} s")
+
+    def discard(self) -> None:
+        """Forget answers that came late."""
+        self._lines.discard()
+
+    def close(self) -> None:
+        """Let go of the port."""
+        self._transport.close()

@@ -1,0 +1,247 @@
+"""A stage on a GRBL 1.1 controller.
+
+Protocol: gnea/grbl, doc/markdown/interface.md (v1.1). Lines end in a line feed and are answered by ``ok`` or
+``error:N``; ``ALARM:N``, ``[...]`` and ``<...>`` come unasked. The real-time bytes ``?`` (status, at most 5 Hz), ``!``
+(feed hold) and 0x18 (soft reset) go past the 128-byte buffer, which never holds more than one line of ours.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+import numpy as np
+
+from hardware.failure import LimitExceeded, LostContact, NoAnswer, Refusal
+from hardware.instrument import Array, Travel
+from hardware.transport import Lines, Transport
+
+BUFFER_BYTES = 128
+STATUS_PERIOD_S = 0.2
+ANSWER_S = 2.0
+BANNER_S = 3.0
+HOMING_S = 90.0
+RECONNECT_S = 10.0
+TOLERANCE_M = 15e-6
+STATES = frozenset({"Idle", "Run", "Hold", "Jog", "Alarm", "Door", "Check", "Home", "Sleep"})
+_NUMBER = r"-?\d{1,6}(?:\.\d{1,4})?"
+_TRIPLE = re.compile(rf"({_NUMBER}),({_NUMBER}),({_NUMBER})(?:,{_NUMBER})*")
+
+
+@dataclass(frozen=True, eq=False)
+class Status:
+    """A real-time report: machine state, and the position (3,) in metres as the machine or the work frame has it."""
+
+    state: str
+    machine_m: Array | None
+    work_m: Array | None
+    offset_m: Array | None
+
+
+def parse_status(line: str) -> Status | None:
+    """The report in ``<Idle|MPos:0.000,0.000,0.000|FS:0,0|WCO:...>``, or None where the line is no whole report."""
+    if not (line.startswith("<") and line.endswith(">")):
+        return None
+    state, *fields = line[1:-1].split("|")
+    state = state.split(":")[0]
+    if state not in STATES or not fields:
+        return None
+    found: dict[str, Array] = {}
+    for field in fields:
+        name, _, value = field.partition(":")
+        if name in ("MPos", "WPos", "WCO"):
+            match = _TRIPLE.fullmatch(value)
+            if match is None:
+                return None
+            found[name] = 1e-3 * np.array([float(number) for number in match.groups()])
+    if "MPos" not in found and "WPos" not in found:
+        return None
+    return Status(state, found.get("MPos"), found.get("WPos"), found.get("WCO"))
+
+
+class Grbl:
+    """A stage on a GRBL 1.1 controller, driven in machine coordinates."""
+
+    def __init__(self, transport: Transport, travel: Travel) -> None:
+        """``travel``: the box in machine coordinates; GRBL's own are negative after homing to the upper ends."""
+        self.travel = travel
+        self.trusted = False
+        self._transport = transport
+        self._clock = transport.clock
+        self._lines = Lines(transport)
+        self._target_m: Array | None = None
+        self._idle_elsewhere = 0
+        self._offset_m: Array | None = None
+        self._last_status_s = -np.inf
+
+    # ------------------------------------------------------------------------------------------------ the interface
+
+    def identify(self) -> str:
+        """GRBL's version."""
+        self._lines.discard()
+        for line in self._command("$I"):
+            if line.startswith("[VER:1.1"):
+                self._command("G21 G90 G94")
+                return f"GRBL {line[5:].rstrip(']')}"
+        raise Refusal(f"{self._name}: is no GRBL 1.1")
+
+    def home(self) -> None:
+        """Run the homing cycle; the position is trusted from then on."""
+        self._command("$H", HOMING_S)
+        self._command("G21 G90 G94")
+        self.trusted = True
+
+    def position_m(self) -> Array:
+        """(3,) machine position."""
+        for _ in range(40):
+            status = self._status()
+            if status.offset_m is not None:
+                self._offset_m = status.offset_m
+            if status.machine_m is not None:
+                return status.machine_m
+            if status.work_m is not None and self._offset_m is not None:
+                return status.work_m + self._offset_m
+        raise NoAnswer(f"{self._name}: reports work positions without ever telling their offset")
+
+    def start_move(self, target_m: Array, speed_m_s: float) -> float:
+        """Begin a straight move in machine coordinates."""
+        if not self.travel.holds(target_m):
+            raise LimitExceeded(f"{self._name}: {_millimetres(target_m)} mm lies outside the stage's travel")
+        distance = float(np.linalg.norm(target_m - self.position_m()))
+        x, y, z = 1e3 * target_m
+        self._target_m = target_m
+        self._idle_elsewhere = 0
+        self._command(f"G53 G1 X{x:.3f} Y{y:.3f} Z{z:.3f} F{6e4 * speed_m_s:.1f}")
+        return distance / speed_m_s
+
+    def moving(self) -> bool:
+        """Whether the last move is still under way."""
+        status = self._status()
+        if status.state in ("Alarm", "Door", "Sleep"):
+            self.trusted = False
+            raise Refusal(f"{self._name}: stopped, state {status.state}")
+        if status.state != "Idle" or self._target_m is None:
+            return status.state in ("Run", "Hold", "Jog", "Home")
+        if np.abs(self.position_m() - self._target_m).max() <= TOLERANCE_M:
+            return False
+        # Just after its ok a move may not have begun.
+        self._idle_elsewhere += 1
+        if self._idle_elsewhere > 3:
+            raise Refusal(f"{self._name}: stands still away from {_millimetres(self._target_m)} mm")
+        return True
+
+    def halt(self) -> None:
+        """Feed hold, then a soft reset once it stands: the position stays known."""
+        self._transport.write(b"!")
+        deadline = self._clock.now() + ANSWER_S
+        while self._clock.now() < deadline:
+            try:
+                if self._status().state not in ("Run", "Jog", "Home"):
+                    break
+            except NoAnswer:
+                continue
+        self._reset()
+
+    def recover(self) -> None:
+        """Reopen the port if it must be, soft reset, unlock."""
+        self._reconnect()
+        self._reset()
+        self._command("$X")
+        self._command("G21 G90 G94")
+
+    def raise_by(self, height_m: float, speed_m_s: float) -> None:
+        """Straight up, relative to wherever the stage is."""
+        height_m = max(0.0, min(height_m, self.travel.high_m[2] - float(self.position_m()[2])))
+        if height_m == 0.0:
+            return
+        self._target_m = None
+        self._command(f"G91 G1 Z{1e3 * height_m:.3f} F{6e4 * speed_m_s:.1f}")
+        try:
+            # A dwell of nothing is answered when the planner is empty.
+            self._command("G4 P0.01", ANSWER_S + 2.0 * height_m / speed_m_s)
+        finally:
+            self._command("G90")
+
+    def close(self) -> None:
+        """Let go of the port."""
+        self._transport.close()
+
+    # ------------------------------------------------------------------------------------------------- the protocol
+
+    @property
+    def _name(self) -> str:
+        return f"stage {self._transport.name}"
+
+    def _command(self, line: str, timeout_s: float = ANSWER_S) -> list[str]:
+        """Send one line and return what came before its ``ok``."""
+        data = line.encode("ascii") + b"\n"
+        assert len(data) <= BUFFER_BYTES
+        self._transport.write(data)
+        deadline = self._clock.now() + timeout_s
+        before: list[str] = []
+        while True:
+            answer = self._lines.next(deadline - self._clock.now())
+            if answer is None:
+                raise NoAnswer(f"{self._name}: no ok to {line!r} within {timeout_s:g} s")
+            if answer == "ok":
+                return before
+            self._raise_if_stopped(answer, line)
+            before.append(answer)
+
+    def _raise_if_stopped(self, answer: str, line: str) -> None:
+        if re.fullmatch(r"error:\d{1,3}", answer):
+            raise Refusal(f"{self._name}: {answer} to {line!r}")
+        if re.fullmatch(r"ALARM:\d{1,3}", answer):
+            self.trusted = False
+            raise Refusal(f"{self._name}: {answer}")
+        if answer.startswith("Grbl "):
+            self.trusted = False
+            raise Refusal(f"{self._name}: was reset, its position is lost")
+
+    def _status(self) -> Status:
+        """A status report, asked for at most five times a second and again where one is lost or damaged."""
+        for _ in range(4):
+            self._clock.sleep(self._last_status_s + STATUS_PERIOD_S - self._clock.now())
+            self._last_status_s = self._clock.now()
+            self._transport.write(b"?")
+            deadline = self._clock.now() + 0.5
+            while (line := self._lines.next(deadline - self._clock.now())) is not None:
+                status = parse_status(line)
+                if status is not None:
+                    return status
+                self._raise_if_stopped(line, "?")
+        raise NoAnswer(f"{self._name}: no status report")
+
+    def _reset(self) -> None:
+        """Soft reset; returns at the banner."""
+        self._lines.discard()
+        self._target_m = None
+        for _ in range(2):
+            self._transport.write(b"\x18")
+            deadline = self._clock.now() + BANNER_S
+            while (line := self._lines.next(deadline - self._clock.now())) is not None:
+                if line.startswith("ALARM:"):
+                    self.trusted = False
+                if line.startswith("Grbl "):
+                    return
+        raise NoAnswer(f"{self._name}: no answer to a reset")
+
+    def _reconnect(self) -> None:
+        deadline = self._clock.now() + RECONNECT_S
+        while True:
+            try:
+                self._transport.read(0.0)
+                return
+            except LostContact:
+                self.trusted = False
+            try:
+                self._transport.reopen()
+                self._lines = Lines(self._transport)
+            except LostContact:
+                if self._clock.now() >= deadline:
+                    raise
+                self._clock.sleep(0.25)
+
+
+def _millimetres(position_m: Array) -> str:
+    return ", ".join(f"{1e3 * value:.3f}" for value in position_m)
