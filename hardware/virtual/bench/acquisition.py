@@ -38,12 +38,14 @@ class Electronics:
             potential[:, diode["electrode"]] += np.where(current > 0, drop, 0.55 * drop)
         return np.einsum("kml,kl->km", self.protocol.measurement, potential)
 
-    def scan(self, ideal_v: Array, time_s: float) -> Array:
-        """(K,M) what the file gets for ideal readings (K,M)."""
+    def scan(self, ideal_v: Array, time_s: float, exact: bool = False) -> Array:
+        """(K,M) what the file gets for ideal readings (K,M); ``exact``: without noise and rounding."""
         reading = self._amplified(self._heated(ideal_v))
         reading = self._carried_over(reading) + self._hum(time_s)
-        reading = self._saturated(reading) + self._noise(reading.shape)
-        return self._frozen(self._converted(reading))
+        reading = self._saturated(reading)
+        if not exact:
+            reading = self._converted(reading + self._noise(reading.shape))
+        return self._frozen(reading)
 
     def _heated(self, reading: Array) -> Array:
         heat = self.truth.parameters("self_heating")
@@ -121,5 +123,5 @@ class Electronics:
             if self._frozen_for > 0 and self._last is not None:
                 reading[:, stuck["channel"]] = self._last[:, stuck["channel"]]
                 self._frozen_for -= 1
-            self._last = reading
+            self._last = reading.copy()
         return reading

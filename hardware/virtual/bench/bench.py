@@ -7,10 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
 
 from hardware.recording import Frames, Recording, RigidBlock, Specimen
 from hardware.virtual.bench.acquisition import Electronics
-from hardware.virtual.bench.indenter import MOVE_S, Indenter, lagrange
+from hardware.virtual.bench.indenter import MOVE_S, Stage, interpolation
 from hardware.virtual.bench.nominal import nominal_protocol, nominal_sensor
 from hardware.virtual.bench.piezo import ClosingLaw, LogCreep, WedgeMemory
 from hardware.virtual.bench.plans import PLANS
@@ -51,12 +52,18 @@ class Bench:
         self, history: History, purpose: str, progress: Callable[[int, int], None] | None = None, ideal: bool = False
     ) -> Frames:
         """The scans of a commanded history, with the load cell's forces; ``ideal`` leaves out every random error."""
+        with threadpool_limits(1):
+            return self._frames(history, purpose, progress, ideal)
+
+    def _frames(
+        self, history: History, purpose: str, progress: Callable[[int, int], None] | None, ideal: bool
+    ) -> Frames:
         run = _Run(self, purpose)
         voltage = np.empty((len(history), *self.protocol.shape), dtype=np.float32)
         force = np.full(history.depth_m.shape, np.nan)
         for number in range(len(history)):
             ideal_v, force[number] = run.frame(history, number)
-            voltage[number] = ideal_v if ideal else run.electronics.scan(ideal_v, history.time_s[number])
+            voltage[number] = run.electronics.scan(ideal_v, history.time_s[number], exact=ideal)
             if progress:
                 progress(number + 1, len(history))
         if not ideal:
@@ -101,7 +108,9 @@ class _Run:
         self.bench, self.truth = bench, bench.truth
         self.skin = BenchSkin(bench.sensor, bench.truth, bench.resolution)
         self.scan_s = bench.protocol.scan_s or 0.0
-        self.indenter = Indenter(bench.truth, self.skin.stiffness_n_per_m, self.scan_s)
+        self.stage = Stage(bench.truth, self.skin.stiffness_n_per_m)
+        self._skewed = bench.truth.parameters("scan_skew") is not None
+        self._instants_s = np.linspace(0.0, self.scan_s, 9 if self._skewed else 3)
         self.electronics = Electronics(bench.protocol, bench.truth, 0.0, purpose)
         silent = np.zeros(self.skin.sheet.points_m.shape[:2])
         rest = self.electronics.potentials_read(self.skin.transfer_ohm(silent, 0.0))
@@ -128,13 +137,13 @@ class _Run:
             left = float(history.time_s[self._previous]) + self.scan_s
             self._rest_on(self._held, left)
             self._held = self._silent
-            self.indenter.lift(left)
+            self.stage.move(left + MOVE_S, None, 0.0)
         self._rest_on(self._held, time_s - MOVE_S)
         self._previous = number
         forces = self._forces(history, number, touched, time_s)
         landing = self._landing(history, number)
         gain = np.where(touched, self._gain, 0.0)
-        mean = forces.mean(axis=0) if len(forces) == 1 else np.trapezoid(forces, axis=0) / (len(forces) - 1)
+        mean = np.trapezoid(forces, axis=0) / (len(forces) - 1)
         reading = self._scan(landing, gain * mean, gain * forces, time_s)
         mean = np.where(touched, mean, np.nan)
         if not touched.any():
@@ -144,22 +153,17 @@ class _Run:
     def _scan(self, landing_m: Array, mean_n: Array, forces_n: Array, time_s: float) -> Array:
         """(K,M) readings; where the press moves during the scan, interpolated between three of its forces."""
         swing = np.ptp(forces_n, axis=0).max()
-        if self.truth.parameters("scan_skew") is None or swing < 1e-6:
+        if not self._skewed or swing < 1e-6:
             return self._read(landing_m, mean_n, time_s)
         course = forces_n.sum(axis=1)
         nodes = np.array([course.min(), (course.min() + course.max()) / 2, course.max()])
         share = mean_n / mean_n.sum()
         reading = np.stack([self._read(landing_m, node * share, time_s) for node in nodes])
-        at = np.interp(self.electronics.offset_s, self.indenter.instants_s, course)
-        return np.einsum("kn,nkm->km", lagrange(nodes, at), reading)
+        at = np.interp(self.electronics.offset_s, self._instants_s, course)
+        return np.einsum("kn,nkm->km", interpolation(nodes, at), reading)
 
     def _read(self, landing_m: Array, force_n: Array, time_s: float) -> Array:
-        spot = self.indenter.spot
-        stiffened = None
-        if spot is not None and spot.sinking_m > 0.0:
-            equivalent = self.indenter.foam.hyperfoam.sinking_equivalent_m(spot.sinking_m)
-            stiffened = np.full(len(force_n), equivalent / spot.sinking_m)
-        pressure = self.skin.pressure_pa(landing_m, force_n, stiffened)
+        pressure = self.skin.pressure_pa(landing_m, force_n, self.stage.stiffened)
         middle = time_s + self.scan_s / 2
         self._held = pressure
         self._rest_on(pressure, middle)
@@ -173,11 +177,13 @@ class _Run:
 
     def _forces(self, history: History, number: int, touched: NDArray[np.bool_], time_s: float) -> Array:
         """(S,P) forces at the indenter's instants within the scan."""
-        forces = np.zeros((len(self.indenter.instants_s), len(touched)))
+        forces = np.zeros((len(self._instants_s), len(touched)))
         for contact in np.flatnonzero(touched):
             depth = history.depth_m[number, contact]
             if np.isfinite(depth):
-                forces[:, contact] = self.indenter.settle(history.contact_m[number, contact], depth, time_s)
+                place = history.contact_m[number, contact]
+                self.stage.move(time_s - MOVE_S, place, self.stage.command_m)
+                forces[:, contact] = [self.stage.move(time_s + one, place, depth) for one in self._instants_s]
             else:
                 forces[:, contact] = history.force_n[number, contact]
         return forces

@@ -114,17 +114,17 @@ class BenchSkin:
         turned = offset["turn_rad"] * np.stack([-arm[..., 1], arm[..., 0]], axis=-1)
         return contact_m + np.array(offset["shift_m"]) + turned
 
-    def pressure_pa(self, landing_m: Array, force_n: Array, stiffened: Array | None = None) -> Array:
-        """(E,Q) interface pressure under contacts (P,2) with forces (P,), the foam ``stiffened`` (P,) times."""
+    def pressure_pa(self, landing_m: Array, force_n: Array, stiffened: float = 1.0) -> Array:
+        """(E,Q) interface pressure under contacts (P,2) with forces (P,), the foam ``stiffened`` that many times."""
         total = np.zeros(self.sheet.points_m.shape[:2])
-        for number, (place, force) in enumerate(zip(landing_m, force_n, strict=True)):
+        for place, force in zip(landing_m, force_n, strict=True):
             if not np.isfinite(place).all() or force <= 0.0:
                 continue
             units = self._unit(place)
-            if len(units) == 1 or stiffened is None:
+            if len(units) == 1:
                 total += force * units[0]
                 continue
-            position = np.interp(np.log(stiffened[number]), np.log(STIFFENED), np.arange(len(STIFFENED)))
+            position = np.interp(np.log(stiffened), np.log(STIFFENED), np.arange(len(STIFFENED)))
             low = min(int(position), len(units) - 2)
             total += force * ((low + 1 - position) * units[low] + (position - low) * units[low + 1])
         return total

@@ -1,0 +1,77 @@
+"""The bench in real time: move the stage, ask for force and scans, as instruments behind ports would."""
+
+from __future__ import annotations
+
+from copy import deepcopy
+
+import numpy as np
+from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
+
+from hardware.virtual.bench.acquisition import Electronics
+from hardware.virtual.bench.indenter import Stage, interpolation
+from hardware.virtual.bench.nominal import nominal_protocol, nominal_sensor
+from hardware.virtual.bench.skin import FINE, BenchSkin, Resolution
+from hardware.virtual.bench.truth import Truth
+from physics.protocol import Protocol
+from physics.sensor import Sensor
+
+Array = NDArray[np.float64]
+
+
+class LiveSkin:
+    """One skin under one indenter, answering as time goes on; calls must come in time order.
+
+    ``advance`` moves the stage (one straight, even move since the call before) and returns the load cell's reading,
+    ``scan`` what the ERT reader would send for a scan that starts at that time.
+    """
+
+    def __init__(
+        self,
+        truth: Truth,
+        sensor: Sensor | None = None,
+        protocol: Protocol | None = None,
+        resolution: Resolution = FINE,
+    ) -> None:
+        self.sensor = sensor or nominal_sensor()
+        self.protocol = protocol or nominal_protocol(self.sensor)
+        self._limits = threadpool_limits(1)
+        self._skin = BenchSkin(self.sensor, truth, resolution)
+        self._electronics = Electronics(self.protocol, truth, 0.0, "live")
+        self._noise_n, self._rng = truth.noise.force_n, truth.rng("load cell live")
+        self._skewed = truth.parameters("scan_skew") is not None
+        self._silent = self._pressure = np.zeros(self._skin.sheet.points_m.shape[:2])
+        rest = self._electronics.potentials_read(self._skin.transfer_ohm(self._silent, 0.0))
+        self._electronics.top_v = float(rest.max())
+        self._stage = Stage(truth, self._skin.stiffness_n_per_m)
+        self._felt_s = 0.0
+
+    def advance(self, time_s: float, contact_m: Array | None, depth_m: float) -> float:
+        """Load cell in newton, the stage now ``depth_m`` deep at ``contact_m`` (2,); none or less is in the air."""
+        force = self._stage.move(time_s, contact_m, depth_m)
+        return force + float(self._rng.normal(0.0, self._noise_n))
+
+    def scan(self, time_s: float) -> Array:
+        """(K,M) volt of the scan that starts at ``time_s``, the stage's command standing still."""
+        middle = time_s + (self.protocol.scan_s or 0.0) / 2
+        instants = self._electronics.offset_s if self._skewed else np.array([middle - time_s])
+        ahead = deepcopy(self._stage)
+        sampled = np.linspace(instants[0], instants[-1], 9) if self._skewed else instants
+        forces = np.array([ahead.move(time_s + one, ahead.place_m, ahead.command_m) for one in sampled])
+        if np.ptp(forces) < 1e-6:
+            return self._electronics.scan(self._read(forces.mean(), middle), time_s)
+        course = np.interp(instants, sampled, forces)
+        nodes = np.array([course.min(), (course.min() + course.max()) / 2, course.max()])
+        readings = np.stack([self._read(node, middle) for node in nodes])
+        share = interpolation(nodes, course)
+        return self._electronics.scan(np.einsum("kn,nkm->km", share, readings), time_s)
+
+    def _read(self, force_n: float, time_s: float) -> Array:
+        place = self._stage.place_m
+        pressure = self._silent
+        if place is not None and force_n > 0.0:
+            landing = self._skin.landing_m(place)[None]
+            pressure = self._skin.pressure_pa(landing, np.array([force_n]), self._stage.stiffened)
+        self._skin.dwell(pressure, max(time_s - self._felt_s, 0.0))
+        self._felt_s = max(time_s, self._felt_s)
+        return self._electronics.potentials_read(self._skin.transfer_ohm(pressure, time_s))
