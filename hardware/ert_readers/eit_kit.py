@@ -1,8 +1,8 @@
 """An EIT-kit board: N*N comma-separated values a line, one per pair of drive and measurement (N electrodes).
 
 Protocol: HCIELab/EIT-kit_open-source, Arduino library (``EITKitArduino.cpp``): root-mean-square values with four
-decimals, drive pattern and measurement pattern adjacent or opposite, no checksum, no numbering, no time. Words it prints
-while it starts (``Board Initialized``, ``Beginning Calibration``, ``origin frame``) are skipped.
+decimals, drive pattern and measurement pattern adjacent or opposite, no checksum, no numbering, no time. Words it
+prints while it starts (``Board Initialized``, ``Beginning Calibration``, ``origin frame``) are skipped.
 """
 
 from __future__ import annotations

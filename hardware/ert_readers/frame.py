@@ -23,12 +23,12 @@ offset  size  meaning
 
 A scan's payload is K*M counts of four bytes, signed, injection by injection, then a bit per reading, least significant
 first, set where the converter was at its limit. An identity's payload is JSON: ``name``, ``serial``, ``injections``,
-``readings``, ``volts_per_count``, ``limit_v``, ``scan_s``, ``next`` (the number of the scan to come). An error's payload
-is a line of text.
+``readings``, ``volts_per_count``, ``limit_v``, ``scan_s``, ``next`` (the number of the scan to come). An error's
+payload is a line of text.
 
-The host sends lines ending in a line feed: ``I``, identify, and ``S <sequence>``, that scan: made now where it is the next
-one, sent again where it is one of the last four, an error otherwise. So a request that was lost, or whose answer was, can
-be repeated without a scan being made twice or missed.
+The host sends lines ending in a line feed: ``I``, identify, and ``S <sequence>``, that scan: made now where it is the
+next one, sent again where it is one of the last four, an error otherwise. So a request that was lost, or whose answer
+was, can be repeated without a scan being made twice or missed.
 """
 
 from __future__ import annotations
