@@ -125,7 +125,9 @@ def stiffness_gradient(sensor: Sensor, groups: Groups, moduli_pa: Array) -> tupl
         return float(np.log(sensor_stiffness_n_per_m(with_moduli(sensor, groups, np.exp(at)))))
 
     steps = _STEP * np.eye(len(logs))
-    return log_stiffness(logs), np.array([(log_stiffness(logs + s) - log_stiffness(logs - s)) / (2 * _STEP) for s in steps])
+    return log_stiffness(logs), np.array(
+        [(log_stiffness(logs + s) - log_stiffness(logs - s)) / (2 * _STEP) for s in steps]
+    )
 
 
 def fit_moduli(

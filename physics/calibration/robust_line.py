@@ -40,7 +40,7 @@ class RobustLine:
             sigma = _scale(residual)
             weight = np.minimum(1.0, _TUNING * sigma / np.maximum(np.abs(residual), 1e-300))
             previous = parameters
-            parameters = np.linalg.solve(design.T @ (weight[:, None] * design), design.T @ (weight * y))
+            parameters = np.asarray(np.linalg.solve(design.T @ (weight[:, None] * design), design.T @ (weight * y)))
             if np.all(np.abs(parameters - previous) <= 1e-12 * (np.abs(parameters) + np.abs(previous))):
                 break
         residual = y - design @ parameters

@@ -6,7 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import make_lsq_spline
 
+from physics.mechanics.bricks import quarter_pad
 from physics.mechanics.layered_medium import LayeredMedium
 from physics.mechanics.radial_kernel import RadialKernel
 from physics.sensor import Sensor, four_points_m
@@ -47,6 +49,20 @@ class InterfacePressure:
             indenter_points_m(sensor),
         )
 
+    @classmethod
+    def from_bricks(cls, sensor: Sensor, spacing_m: float | None = None) -> InterfacePressure:
+        """The paper's finite-element field: a unit point force on bricks of ``spacing_m``, superposed.
+
+        The default spacing, a twelfth of the indenter's radius, errs by 0.8 % of the paper's pad's largest pressure.
+        """
+        radius_m = 0.5 * sensor.indenter_diameter_m
+        thickness_m = sum(layer.thickness_m for layer in sensor.layers)
+        spacing = radius_m / 12 if spacing_m is None else spacing_m
+        pad = quarter_pad(sensor, spacing, core_m=2 * radius_m, end_m=8 * thickness_m)
+        displacement = pad.solve(pad.loads_n(np.zeros((1, 2)), np.array([0.25])))
+        pressure = pad.interface_pressure(displacement, sensor.piezo_interface)
+        return cls(_radial_mean(pad.x_m, pressure, spacing), indenter_points_m(sensor))
+
     def at(self, offset_m: Array) -> Array:
         """(...,) Pa/N at offsets (...,2) in metre from the indenter's axis."""
         offset = np.asarray(offset_m, dtype=float)
@@ -73,3 +89,18 @@ class InterfacePressure:
         largest = np.abs(self.at(rings[:, None, None] * around)).max(axis=1)
         above = np.flatnonzero(largest > fraction * largest.max())
         return float(rings[min(above[-1] + 1, len(rings) - 1)])
+
+
+def _radial_mean(axis_m: Array, field: Array, spacing_m: float) -> RadialKernel:
+    """The radial kernel nearest to nodal values ``field`` (n,n) of a quarter plane, in the sense of least squares."""
+    distance = np.hypot(*np.meshgrid(axis_m, axis_m, indexing="ij")).ravel()
+    inside = distance <= axis_m[-1]
+    order = np.argsort(distance[inside])
+    distance, value = distance[inside][order], field.ravel()[inside][order]
+    both, mirrored = np.concatenate([-distance[::-1], distance]), np.concatenate([value[::-1], value])
+    inner = axis_m[:-1]
+    knots = np.concatenate([-inner[:0:-1], inner])
+    ends = np.full(4, distance[-1])
+    spline = make_lsq_spline(both, mirrored, np.concatenate([-ends, knots, ends]))
+    radius = np.arange(0.0, axis_m[-1], 0.25 * spacing_m)
+    return RadialKernel.through(radius, spline(radius))

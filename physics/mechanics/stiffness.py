@@ -1,6 +1,6 @@
 """Force against depth of the indenter on the pad, its support in series (paper III-B, eq. 4).
 
-Under a point force the surface sinks without bound, so the indenter's depth needs a definition. Here it is the surface's
+Under a point force the surface sinks without bound, so the indenter's depth needs a definition. Here it is the surface
 sinking averaged over the indenter's footprint (a disk of its diameter) while the model's point forces press: finite,
 independent of a mesh, and the work-conjugate of the uniform pressure that the points stand for. Any other definition
 rescales the fitted moduli and leaves the interface pressure nearly as it is.

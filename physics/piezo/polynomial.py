@@ -71,7 +71,8 @@ class PiezoPolynomial:
 
     def sheet_resistance_ohm_sq(self, pressure_pa: Array) -> Array:
         """(...,) ohm per square at pressures (...,) in pascal."""
-        return self.zero_ohm_sq * chebyshev.chebval(self._coordinate(pressure_pa), self.coefficients)
+        relative = chebyshev.chebval(self._coordinate(pressure_pa), self.coefficients)
+        return np.asarray(self.zero_ohm_sq * relative, dtype=float)
 
     def derivative(self, pressure_pa: Array) -> Array:
         """(...,) ohm per square per pascal at pressures (...,) in pascal; zero where the law is held constant."""
