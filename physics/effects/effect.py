@@ -156,7 +156,7 @@ class SheetEffect(Effect):
     stage: ClassVar[Stage] = Stage.CONDUCTION
 
     def conductivity_s(self, conductivity_s: Array, position_m: Array, extent_m: Array) -> Array:
-        """(...,N) or (...,N,3) sheet conductance [xx, yy, xy] from (...,N) or (...,N,3) at points (N,2)."""
+        """(...,N) or (...,N,3) sheet conductance [xx, xy, yy] from (...,N) or (...,N,3) at points (N,2)."""
         return conductivity_s
 
     def drift(self, time_s: Array) -> Array:

@@ -23,7 +23,9 @@ class FoamSoftening(FoamEffect):
     order: ClassVar[int] = 1
 
     excess: float = parameter("1", 0.0, 3.0, 0.0, 0.05, "how much stiffer the virgin foam is")
-    kept: float = parameter("1", 0.0, 1.0, 1.0, 0.2, "part of the excess that lasts to the end of a press", defining=False)
+    kept: float = parameter(
+        "1", 0.0, 1.0, 1.0, 0.2, "part of the excess that lasts to the end of a press", defining=False
+    )
     presses: float = parameter("1", 0.05, 50.0, 0.3, 0.3, "presses over which the excess fades", defining=False)
 
     def reaction_n(self, force_n: Array, strokes: Strokes) -> Array:

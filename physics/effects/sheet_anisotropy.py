@@ -36,11 +36,11 @@ class SheetAnisotropy(SheetEffect):
         return float(0.5 * np.arctan2(self.stretch_diagonal, self.stretch_x))
 
     def tensor(self) -> Array:
-        """(3,) [xx, yy, xy] of the conductance tensor with unit determinant."""
+        """(3,) [xx, xy, yy] of the conductance tensor with unit determinant."""
         size = float(np.hypot(self.stretch_x, self.stretch_diagonal))
         even = np.cosh(size / 2)
         odd = np.sinh(size / 2) / size if size > 0 else 0.5
-        return np.array([even + odd * self.stretch_x, even - odd * self.stretch_x, odd * self.stretch_diagonal])
+        return np.array([even + odd * self.stretch_x, odd * self.stretch_diagonal, even - odd * self.stretch_x])
 
     def conductivity_s(self, conductivity_s: Array, position_m: Array, extent_m: Array) -> Array:
         if conductivity_s.shape[-1] == 3 and conductivity_s.shape[-2] == len(position_m):

@@ -19,7 +19,9 @@ class ViscoelasticFoam(FoamEffect):
     """
 
     name: ClassVar[str] = "viscoelastic_foam"
-    source: ClassVar[str] = "Simo, Comput. Methods Appl. Mech. Eng. 60 (1987) 153: quasi-linear relaxation, Prony series"
+    source: ClassVar[str] = (
+        "Simo, Comput. Methods Appl. Mech. Eng. 60 (1987) 153: quasi-linear relaxation, Prony series"
+    )
     order: ClassVar[int] = 3
 
     fraction: float = parameter("1", 0.0, 5.0, 0.0, 0.05, "relaxing force over the relaxed force")

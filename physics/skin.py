@@ -1,0 +1,279 @@
+"""The forward chain: contacts and forces, interface pressure, sheet resistance, conduction, readings.
+
+Every stage can carry effects (``physics.effects``); without any this is the paper's multiphysics model (II).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property, reduce
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from physics.conduction.sheet import Resolution, SheetModel
+from physics.effects.effect import (
+    AcquisitionEffect,
+    Effect,
+    ElectrodeEffect,
+    FoamEffect,
+    PiezoEffect,
+    PlacementEffect,
+    SheetEffect,
+)
+from physics.effects.scan_skew import ScanSkew
+from physics.history import History
+from physics.mechanics.pressure import InterfacePressure
+from physics.mechanics.reaction import foam_force_n
+from physics.mechanics.stiffness import sensor_stiffness_n_per_m
+from physics.piezo.polynomial import PiezoPolynomial
+from physics.protocol import Protocol
+from physics.sensor import Sensor
+
+Array = NDArray[np.float64]
+Kind = TypeVar("Kind", bound=Effect)
+
+TAIL = 2e-4
+"""Pressure below this part of its peak is left out."""
+PAD_SAMPLES = 7
+SKEW_NODES = 3
+"""Moments within a scan at which a moving press is solved; the readings between follow by interpolation."""
+
+
+@dataclass(frozen=True, eq=False)
+class Skin:
+    """A calibrated skin with its effects.
+
+    ``contact_resistance_ohm`` (L,); ``support_n_per_m`` the stage's own stiffness in series with the pad's. The
+    sensor's layers hold the fitted moduli, the piezoresistive law its fitted value at zero stress.
+    """
+
+    sensor: Sensor
+    protocol: Protocol
+    sheet: SheetModel
+    pressure: InterfacePressure
+    piezo: PiezoPolynomial
+    contact_resistance_ohm: Array
+    support_n_per_m: float = np.inf
+    effects: tuple[Effect, ...] = field(default=())
+
+    @classmethod
+    def build(
+        cls,
+        sensor: Sensor,
+        protocol: Protocol,
+        piezo: PiezoPolynomial,
+        contact_resistance_ohm: Array,
+        support_n_per_m: float = np.inf,
+        effects: Sequence[Effect] = (),
+        resolution: str | Resolution = "fine",
+    ) -> Skin:
+        """Mesh the sensor, displaced electrodes included, and tabulate its pressure field."""
+        real = reduce(lambda s, e: e.geometry(s), _of(effects, ElectrodeEffect), sensor)
+        return cls(
+            sensor,
+            protocol,
+            SheetModel(real, resolution),
+            InterfacePressure.from_transform(sensor),
+            piezo,
+            np.asarray(contact_resistance_ohm, dtype=float),
+            support_n_per_m,
+            tuple(effects),
+        )
+
+    def with_effects(self, effects: Sequence[Effect]) -> Skin:
+        """The same skin with other effects; raises ``ValueError`` where they would move electrodes (build anew)."""
+        moved = [e.geometry(self.sensor) for e in _of(effects, ElectrodeEffect)]
+        if any(not np.array_equal(s.electrode_center_m, self.sensor.electrode_center_m) for s in moved):
+            raise ValueError("displaced electrodes need another mesh: use Skin.build")
+        return replace(self, effects=tuple(effects))
+
+    # mechanics -----------------------------------------------------------------------------------------------------
+
+    @cached_property
+    def pad_n_per_m(self) -> float:
+        """The linear pad's stiffness under the model indenter."""
+        return sensor_stiffness_n_per_m(self.sensor)
+
+    def force_n(self, history: History, depth_m: Array | None = None) -> Array:
+        """(T,P) force in newton predicted from the commanded depth (or from ``depth_m`` (T,P)), foam effects included."""
+        foam_m = self.sensor.layers[0].thickness_m
+        foam = _of(self.effects, FoamEffect)
+        return foam_force_n(history, self.pad_n_per_m, self.support_n_per_m, foam_m, foam, depth_m)
+
+    def contact_m(self, commanded_m: Array) -> Array:
+        """(...,2) where the indenter really lands."""
+        center = self.sensor.extent_m.mean(axis=0)
+        return reduce(lambda c, e: e.contact_m(c, center), _of(self.effects, PlacementEffect), commanded_m)
+
+    def pressure_pa(self, position_m: Array, contact_m: Array, force_n: Array) -> Array:
+        """(T,N) interface pressure at points (N,2) under forces (T,P) at true positions (T,P,2); NaN: no contact."""
+        total = np.zeros((len(force_n), len(position_m)))
+        there = np.isfinite(contact_m).all(axis=-1) & (np.nan_to_num(force_n) > 0)
+        for spot in np.unique(contact_m[there], axis=0):
+            unit = self.pressure.at(position_m - spot)
+            share = np.where(there & (contact_m == spot).all(axis=-1), force_n, 0.0).sum(axis=1)
+            total += share[:, None] * unit
+        return total
+
+    # piezoresistance -----------------------------------------------------------------------------------------------
+
+    def effective_pressure_pa(self, pressure_pa: Array, position_m: Array, time_s: Array) -> Array:
+        """(T,N) pressure the fabric's law answers to, from pressures (T,N) in recording order."""
+        effects = sorted(_of(self.effects, PiezoEffect), key=lambda e: e.order)
+        extent = self.sensor.extent_m
+        return reduce(lambda p, e: e.effective_pressure_pa(p, position_m, time_s, extent), effects, pressure_pa)
+
+    def sheet_conductance_s(self, effective_pa: Array, position_m: Array) -> Array:
+        """(...,N), or (...,N,3) with anisotropy: conductance in siemens under effective pressures (...,N)."""
+        plain = 1.0 / self.piezo.sheet_resistance_ohm_sq(effective_pa)
+        order = sorted(_of(self.effects, SheetEffect), key=lambda e: e.name, reverse=True)
+        extent = self.sensor.extent_m
+        return reduce(lambda s, e: e.conductivity_s(s, position_m, extent), order, plain)
+
+    # electrodes ----------------------------------------------------------------------------------------------------
+
+    @cached_property
+    def pad_sample_m(self) -> Array:
+        """(L,S,2) points over which the pressure on each electrode is averaged."""
+        if self.sensor.electrode_edge_m is not None:
+            first, last = self.sensor.electrode_edge_m[:, 0], self.sensor.electrode_edge_m[:, 1]
+            share = (np.arange(PAD_SAMPLES) + 0.5)[:, None] / PAD_SAMPLES
+            return first[:, None] + share * (last - first)[:, None]
+        unit = (np.arange(PAD_SAMPLES) + 0.5) / PAD_SAMPLES - 0.5
+        grid = np.stack([np.tile(unit, PAD_SAMPLES), np.repeat(unit, PAD_SAMPLES)], axis=1)
+        return self.sensor.electrode_center_m[:, None] + grid * self.sensor.electrode_size_m[:, None]
+
+    def contact_resistances_ohm(self, time_s: Array, pad_pressure_pa: Array) -> Array:
+        """(T,L) ohm under mean pressures on the electrodes (T,L)."""
+        start = np.broadcast_to(self.contact_resistance_ohm, pad_pressure_pa.shape).astype(float)
+        effects = _of(self.effects, ElectrodeEffect)
+        return reduce(lambda z, e: e.contact_resistance_ohm(z, pad_pressure_pa, time_s), effects, start)
+
+    # conduction ----------------------------------------------------------------------------------------------------
+
+    def pair_resistance_ohm(self, history: History, force_n: Array | None = None) -> Array:
+        """(T,P) pair resistances of every frame, P = L(L-1)/2.
+
+        ``force_n`` (T,C) takes precedence over the history's; where neither is known the depth tells.
+        """
+        forces = self.known_force_n(history) if force_n is None else force_n
+        contact = self.contact_m(history.contact_m)
+        pads = self.pad_sample_m
+        on_pads = self.pressure_pa(pads.reshape(-1, 2), contact, forces).reshape(len(history), len(pads), -1).mean(axis=2)
+        contacts = self.contact_resistances_ohm(history.time_s, on_pads)
+        drift = self.drift(history.time_s)
+        resting = self.sheet_conductance_s(np.zeros(self.sheet.weight_m2.size), self.sheet.quadrature_m.reshape(-1, 2))
+        result = np.empty((len(history), self.protocol.electrodes * (self.protocol.electrodes - 1) // 2))
+        for rows in _groups(contact, forces):
+            points, conductance = self.pressed_conductance_s(history.time_s, contact, forces, rows)
+            for k, t in enumerate(rows):
+                sheet = resting.copy()
+                sheet[points] = conductance[k]
+                result[t] = self._solved(sheet, contacts[t], drift[t])
+        return result
+
+    def pressed_conductance_s(
+        self, time_s: Array, contact_m: Array, force_n: Array, rows: NDArray[np.intp]
+    ) -> tuple[NDArray[np.intp], Array]:
+        """Quadrature points (n,) within reach of the contacts of frames ``rows`` (m,), which share their contacts, and the
+        conductance (m,n) or (m,n,3) there; earlier and later frames that reach the same points count in."""
+        spots = contact_m[rows[0]][_present(contact_m, force_n)[rows].any(axis=0)]
+        position = self.sheet.quadrature_m.reshape(-1, 2)
+        reach = self.pressure.radius_m(TAIL)
+        near = np.zeros(len(position), dtype=bool)
+        for spot in spots:
+            near |= ((position - spot) ** 2).sum(axis=1) < reach**2
+        points = np.flatnonzero(near)
+        if not len(points):
+            return points, np.zeros((len(rows), 0, 3) if self._tensor else (len(rows), 0))
+        close = np.zeros(len(time_s), dtype=bool)
+        for spot in spots:
+            apart = np.nan_to_num(np.hypot(*np.moveaxis(contact_m - spot, -1, 0)), nan=np.inf)
+            close |= (apart < 2 * reach).any(axis=1)
+        frames = np.flatnonzero(close | self._resting(contact_m, force_n))
+        pressure = self.pressure_pa(position[points], contact_m[frames], force_n[frames])
+        effective = self.effective_pressure_pa(pressure, position[points], time_s[frames])
+        kept = effective[np.searchsorted(frames, rows)]
+        return points, self.sheet_conductance_s(kept, position[points])
+
+    @staticmethod
+    def _resting(contact_m: Array, force_n: Array) -> NDArray[np.bool_]:
+        """(T,) frames without any contact: memories fade in them."""
+        return np.asarray(~_present(contact_m, force_n).any(axis=1))
+
+    @property
+    def _tensor(self) -> bool:
+        return self.sheet_conductance_s(np.zeros(1), np.zeros((1, 2))).ndim == 2
+
+    def drift(self, time_s: Array) -> Array:
+        """(T,) factor on the whole sheet's resistance."""
+        return np.prod([np.ones(len(time_s)), *(e.drift(time_s) for e in _of(self.effects, SheetEffect))], axis=0)
+
+    def _solved(self, conductance_s: Array, contact_ohm: Array, drift: float) -> Array:
+        shaped = conductance_s.reshape(*self.sheet.weight_m2.shape, *conductance_s.shape[1:])
+        # A sheet resistance times f with contacts z is f times the original sheet with contacts z/f.
+        return drift * self.sheet.solve(shaped, contact_ohm / drift).pair_resistance_ohm
+
+    # readings ------------------------------------------------------------------------------------------------------
+
+    def known_force_n(self, history: History) -> Array:
+        """(T,C) the load cell's force where the history has it, else what the depth predicts."""
+        known = np.isfinite(history.force_n)
+        if known[history.touched].all():
+            return np.where(history.touched, history.force_n, np.nan)
+        return np.where(known, history.force_n, self.force_n(history))
+
+    def readings_v(self, history: History, force_n: Array | None = None) -> Array:
+        """(T,K,M) volt: noise-free readings, every effect of the acquisition included."""
+        skews = _of(self.effects, ScanSkew)
+        if skews and self.protocol.injection_offset_s is not None:
+            voltage = self._skewed_v(history, skews[0], force_n)
+        else:
+            voltage = self.protocol.readings(self.pair_resistance_ohm(history, force_n))
+        for effect in sorted(_of(self.effects, AcquisitionEffect), key=lambda e: e.order):
+            voltage = effect.distorted_v(voltage, self.protocol)
+        return voltage
+
+    def _skewed_v(self, history: History, skew: ScanSkew, force_n: Array | None) -> Array:
+        """Readings of presses that go on moving: solved at a few moments of the scan, interpolated for each injection."""
+        offset = np.asarray(self.protocol.injection_offset_s)
+        moments = np.linspace(offset.min(), offset.max(), SKEW_NODES)
+        weights = lagrange_weights(moments, offset)
+        still = self.known_force_n(history) if force_n is None else force_n
+        at_rest = self.force_n(history)
+        depth = skew.depth_m(history, moments)
+        voltage = np.zeros((len(history), *self.protocol.shape))
+        for s in range(SKEW_NODES):
+            moved = self.force_n(history, depth[:, s])
+            scale = np.where(at_rest > 0, moved / np.where(at_rest > 0, at_rest, 1.0), 1.0)
+            readings = self.protocol.readings(self.pair_resistance_ohm(history, still * scale))
+            voltage += weights[:, s, None] * readings
+        return voltage
+
+
+def lagrange_weights(nodes: Array, where: Array) -> Array:
+    """(W,S) weights of the polynomial through values at ``nodes`` (S,), evaluated at ``where`` (W,)."""
+    weights = np.ones((len(where), len(nodes)))
+    for s, node in enumerate(nodes):
+        for other in np.delete(nodes, s):
+            weights[:, s] *= (where - other) / (node - other)
+    return weights
+
+
+def _present(contact_m: Array, force_n: Array) -> NDArray[np.bool_]:
+    return np.asarray(np.isfinite(contact_m).all(axis=-1) & (np.nan_to_num(force_n) > 0))
+
+
+def _groups(contact_m: Array, force_n: Array) -> Iterable[NDArray[np.intp]]:
+    """Frames (in recording order) that share the same contacts; those without any are one group."""
+    key = np.where(_present(contact_m, force_n)[..., None], contact_m, np.inf).reshape(len(contact_m), -1)
+    _, number = np.unique(key, axis=0, return_inverse=True)
+    number = number.ravel()
+    return [np.flatnonzero(number == n) for n in range(number.max() + 1)]
+
+
+def _of(effects: Iterable[Effect], kind: type[Kind]) -> list[Kind]:
+    return [effect for effect in effects if isinstance(effect, kind)]
