@@ -6,8 +6,8 @@ the electrodes,
     int sigma grad u . grad v + sum_l 1/z_l int_l (u - U_l)(v - V_l) = sum_l I_l V_l,
 
 where l runs over a pad's area or an edge electrode's length and z_l = R_l |l| is its specific contact impedance. The
-sheet's unknowns are eliminated for unit potential on each electrode in turn: one factorisation and L right-hand
-sides give the (L,L) conductance between the electrodes, whose inverse on mean-free currents is the transfer matrix.
+sheet's unknowns are eliminated; what remains is the (L,L) conductance between the electrodes, whose inverse on
+mean-free currents is the transfer matrix.
 """
 
 from __future__ import annotations
@@ -20,9 +20,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_array, csr_array
 
-from physics.conduction.factor import SymmetricPattern
+from physics.conduction.assembly import ElementMap
+from physics.conduction.contact import Contact
+from physics.conduction.dissection import dissect
+from physics.conduction.field_products import field_products
 from physics.conduction.mesh import Grading, SheetMesh, mesh_sheet
-from physics.conduction.triangle import Space, quadrature, shape_functions
+from physics.conduction.multifrontal import FrontalFactor, Fronts
+from physics.conduction.triangle import Space
 from physics.protocol import pair_resistances
 from physics.sensor import Sensor
 
@@ -30,10 +34,6 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 CHUNK_POINTS = 16384  # quadrature points whose field products are held at once
-EDGE_MASS = {
-    1: np.array([[2, 1], [1, 2]]) / 6,
-    2: np.array([[4, -1, 2], [-1, 4, 2], [2, 2, 16]]) / 30,  # ends, middle
-}
 
 
 @dataclass(frozen=True)
@@ -75,48 +75,55 @@ class SheetModel:
         self.space = Space.on(mesh.point_m, mesh.triangle, degree)
         self.quadrature_m = self.space.quadrature_m()
         self.weight_m2 = self.space.weights_m2()
-        self._contacts = [_contact_block(mesh, self.space, k) for k in range(mesh.electrodes)]
-        self.electrode_size = np.array([size for _, _, size in self._contacts])
-        if (self.electrode_size <= 0).any():
-            raise ValueError(f"electrode {int(self.electrode_size.argmin())} touches no element of the mesh")
-        self._touch = _columns([(nodes, mass.sum(axis=1)) for nodes, mass, _ in self._contacts], self.space.nodes)
+        self._contacts = [Contact.of(mesh, self.space, k) for k in range(mesh.electrodes)]
+        self.electrode_size = np.array([contact.size for contact in self._contacts])
         self._number_entries()
-        self.pattern = SymmetricPattern(self._row, self._column, self.space.nodes)
 
     def _number_entries(self) -> None:
-        """Entries of the lower triangle, and where each element's and each electrode's local matrix adds to them."""
+        """Entries of the matrix: the sheet's lower triangle, then the couplings of its nodes to the electrodes."""
         a, b = np.tril_indices(self.space.element.shape[1])
-        codes = [_code(self.space.element[:, a], self.space.element[:, b], self.space.nodes).ravel()]
-        for nodes, _, _ in self._contacts:
-            k, m = np.tril_indices(len(nodes))
-            codes.append(_code(nodes[k], nodes[m], self.space.nodes))
+        nodes = self.space.nodes
+        codes = [_code(self.space.element[:, a], self.space.element[:, b], nodes).ravel()]
+        for contact in self._contacts:
+            k, m = np.tril_indices(contact.cell.shape[1])
+            codes.append(_code(contact.cell[:, k], contact.cell[:, m], nodes).ravel())
         unique, entry = np.unique(np.concatenate(codes), return_inverse=True)
-        self._row, self._column = np.divmod(unique, self.space.nodes)
-        cuts = np.cumsum([len(code) for code in codes])[:-1]
-        element, *contact = np.split(entry, cuts)
+        element, *touched = np.split(entry, np.cumsum([len(code) for code in codes])[:-1])
+        mass = [contact.mass[:, *np.tril_indices(contact.cell.shape[1])].ravel() for contact in self._contacts]
+        touch = coo_array(_columns([(c.cell.ravel(), c.mass.sum(axis=2).ravel()) for c in self._contacts], nodes))
+        coupling = [
+            (len(unique) + np.flatnonzero(touch.col == k), -touch.data[touch.col == k]) for k in range(len(mass))
+        ]
+        added = [
+            (np.concatenate([where, entries]), np.concatenate([value, values]))
+            for where, value, (entries, values) in zip(touched, mass, coupling, strict=True)
+        ]
+        self._entries = len(unique) + touch.nnz
+        self._contact_map = _columns(added, self._entries)
         self._element_entry = element.reshape(len(self.space.element), -1)
-        values = [mass[np.tril_indices(len(nodes))] for nodes, mass, _ in self._contacts]
-        self._contact_map = _columns(list(zip(contact, values, strict=True)), len(unique))
+        row = np.concatenate([unique // nodes, nodes + touch.col])
+        column = np.concatenate([unique % nodes, touch.row])
+        self.fronts = Fronts.of(row, column, dissect(self.space), self.electrodes)
 
     @cached_property
-    def _conductivity_map(self) -> csr_array:
-        """(entries, E*Q) the linear map from a scalar conductivity to the matrix entries."""
-        return (self._tensor_maps[0] + self._tensor_maps[2]).tocsr()
+    def _conductivity_map(self) -> ElementMap:
+        """The map from a scalar conductivity to the matrix entries."""
+        return self._element_map(lambda x, y, a, b: x[..., a] * x[..., b] + y[..., a] * y[..., b])
 
     @cached_property
-    def _tensor_maps(self) -> tuple[csr_array, csr_array, csr_array]:
+    def _tensor_maps(self) -> tuple[ElementMap, ElementMap, ElementMap]:
         """The maps from sigma_xx, sigma_xy and sigma_yy to the matrix entries."""
+        return (
+            self._element_map(lambda x, y, a, b: x[..., a] * x[..., b]),
+            self._element_map(lambda x, y, a, b: x[..., a] * y[..., b] + y[..., a] * x[..., b]),
+            self._element_map(lambda x, y, a, b: y[..., a] * y[..., b]),
+        )
+
+    def _element_map(self, product: Callable[[Array, Array, Indices, Indices], Array]) -> ElementMap:
         a, b = np.tril_indices(self.space.element.shape[1])
         gradient = self.space.gradients()
-        x, y = gradient[:, :, 0], gradient[:, :, 1]
-        weight = self.weight_m2[..., None]
-        local = (x[..., a] * x[..., b], x[..., a] * y[..., b] + y[..., a] * x[..., b], y[..., a] * y[..., b])
-        point = np.arange(self.weight_m2.size).reshape(*self.weight_m2.shape, 1)
-        row = np.broadcast_to(self._element_entry[:, None], local[0].shape).ravel()
-        column = np.broadcast_to(point, local[0].shape).ravel()
-        shape = (len(self._row), self.weight_m2.size)
-        xx, xy, yy = (csr_array(coo_array(((weight * k).ravel(), (row, column)), shape=shape)) for k in local)
-        return xx, xy, yy
+        local = product(gradient[:, :, 0], gradient[:, :, 1], a, b)
+        return ElementMap(local * self.weight_m2[..., None], self._element_entry, self._entries)
 
     @property
     def electrodes(self) -> int:
@@ -130,12 +137,13 @@ class SheetModel:
     def stiffness(self, conductivity_s: Array) -> Array:
         """Matrix entries of int sigma grad u . grad v for a conductivity (E,Q) or a tensor (E,Q,3)."""
         if conductivity_s.shape == self.weight_m2.shape:
-            return self._conductivity_map @ conductivity_s.ravel()
+            return self._conductivity_map.apply(conductivity_s)
         if conductivity_s.shape != (*self.weight_m2.shape, 3):
             expected = f"{self.weight_m2.shape} or {(*self.weight_m2.shape, 3)}"
             raise ValueError(f"conductivity has shape {conductivity_s.shape}; expected {expected}")
-        parts = np.moveaxis(conductivity_s, -1, 0).reshape(3, -1)
-        return sum(m @ part for m, part in zip(self._tensor_maps, parts, strict=True))  # type: ignore[return-value]
+        xx, xy, yy = self._tensor_maps
+        part = conductivity_s[..., 0], conductivity_s[..., 1], conductivity_s[..., 2]
+        return xx.apply(part[0]) + xy.apply(part[1]) + yy.apply(part[2])
 
     def solve(self, conductivity_s: Array, contact_resistance_ohm: Array) -> Solution:
         """One conductivity (E,Q) in siemens (or (E,Q,3): xx, xy, yy) and contact resistances (L,) in ohm.
@@ -146,49 +154,58 @@ class SheetModel:
         resistance = np.broadcast_to(np.asarray(contact_resistance_ohm, dtype=float), (self.electrodes,))
         if not (resistance > 0).all():
             raise ValueError("contact resistances must be positive")
-        per_size = 1.0 / (resistance * self.electrode_size)
-        factor = self.pattern.factor(self.stiffness(conductivity_s) + self._contact_map @ per_size)
-        coupling = (self._touch * per_size).toarray()
-        potential = factor.solve(coupling)
-        conductance = np.diag(1.0 / resistance) - coupling.T @ potential
-        return Solution(self, np.asarray(conductivity_s), resistance, potential, _transfer(conductance))
+        conductivity = np.asarray(conductivity_s, dtype=float)
+        value = self.stiffness(conductivity) + self._contact_map @ (1.0 / (resistance * self.electrode_size))
+        return Solution(self, conductivity, resistance, value, self.fronts.factor(value))
+
+    def solve_again(self, conductivity_s: Array, base: Solution) -> Solution:
+        """``solve`` with the contact resistances of ``base``: only what depends on elements that changed is done again.
+
+        A press changes a few percent of the sheet. Scalar conductivities (E,Q) only.
+        """
+        conductivity = np.asarray(conductivity_s, dtype=float)
+        elements = np.flatnonzero((conductivity != base.conductivity_s).any(axis=1))
+        value = base.entries.copy()
+        self._conductivity_map.add(value, elements, conductivity[elements] - base.conductivity_s[elements])
+        factor = self.fronts.refactor(value, self._element_entry[elements].ravel(), base.factor)
+        return Solution(self, conductivity, base.contact_resistance_ohm, value, factor)
 
     def contact_losses(self, potential: Array) -> Array:
         """(L,k,k) int_l (u_i - U_i)(u_j - U_j) over each electrode, for unit potentials on one electrode at a time.
 
         ``potential`` (N,L): the fields of unit potential on each electrode, as ``Solution.potential``.
         """
-        losses = np.empty((self.electrodes, self.electrodes, self.electrodes))
-        for k, (nodes, mass, _) in enumerate(self._contacts):
-            drop = potential[nodes].copy()
-            drop[:, k] -= 1.0
-            losses[k] = drop.T @ mass @ drop
-        return losses
+        unit = np.eye(self.electrodes)
+        return np.stack([contact.losses(potential - unit[k]) for k, contact in enumerate(self._contacts)])
 
 
 @dataclass(frozen=True, eq=False)
 class Solution:
     """Fields and transfer matrix of one conductivity; derivatives by the adjoint, dT_ij = -int ds grad u_i . grad u_j.
 
-    ``potential`` (N,L): potential in the sheet for one volt on one electrode and none on the others, dimensionless;
-    ``transfer_ohm`` (L,L): mean-free potentials of the electrodes per ampere into each.
+    ``entries``: the matrix's entries; ``factor``: what was eliminated.
     """
 
     model: SheetModel
     conductivity_s: Array
     contact_resistance_ohm: Array
-    potential: Array
-    transfer_ohm: Array
+    entries: Array
+    factor: FrontalFactor
+
+    @cached_property
+    def transfer_ohm(self) -> Array:
+        """(L,L) mean-free potentials of the electrodes in volt per ampere into each."""
+        return _transfer(np.diag(1.0 / self.contact_resistance_ohm) + self.factor.remainder)
+
+    @cached_property
+    def potential(self) -> Array:
+        """(N,L) potential in the sheet for one volt on one electrode and none on the others, dimensionless."""
+        return self.factor.potentials()
 
     @cached_property
     def pair_resistance_ohm(self) -> Array:
         """(P,) pair resistances, P = L(L-1)/2."""
         return pair_resistances(self.transfer_ohm)
-
-    def fields(self, elements: Indices | slice = slice(None)) -> Array:
-        """(E,Q,2,L) gradients in 1/m of ``potential`` at the quadrature points."""
-        space = self.model.space
-        return np.matmul(space.gradients(elements), self.potential[space.element[elements]][:, None])
 
     def directional(self, conductivity_change_s: Array) -> Array:
         """(..., P) change in ohm of the pair resistances to first order for changes (..., E, Q) of the conductivity.
@@ -196,13 +213,13 @@ class Solution:
         Only the elements where some change isn't zero are visited.
         """
         change = np.asarray(conductivity_change_s, dtype=float)
-        return self._contract(change[..., None], _scalar_products)
+        return self._contract(change[..., None], tensor=False)
 
     def directional_tensor(self, conductivity_change_s: Array) -> Array:
         """(..., P) the same for changes (..., E, Q, 3) of a conductivity tensor: xx, xy, yy."""
-        return self._contract(np.asarray(conductivity_change_s, dtype=float), _tensor_products)
+        return self._contract(np.asarray(conductivity_change_s, dtype=float), tensor=True)
 
-    def _contract(self, change: Array, products: Callable[[Array], Array]) -> Array:
+    def _contract(self, change: Array, tensor: bool) -> Array:
         """Changes (..., E, Q, C) against the C products of fields, chunk by chunk over the elements touched."""
         weight = self.model.weight_m2
         flat = change.reshape(-1, *weight.shape, change.shape[-1])
@@ -211,7 +228,7 @@ class Solution:
         step = max(1, CHUNK_POINTS // weight.shape[1])
         for first in range(0, len(touched), step):
             elements = touched[first : first + step]
-            product = products(self.fields(elements))
+            product = field_products(self.model.space, self.potential, elements, tensor)
             weighted = flat[:, elements] * weight[elements, :, None]
             total += weighted.reshape(len(flat), -1) @ product.reshape(-1, total.shape[1])
         return self._pairs_of(total).reshape(*change.shape[:-3], -1)
@@ -227,15 +244,17 @@ class Solution:
 
     def jacobian_conductivity(self) -> Array:
         """(P,E,Q) derivative of the pair resistances by the conductivity at each quadrature point, in ohm/siemens."""
-        elements = self.model.weight_m2.shape[0]
-        i, j = np.triu_indices(self.model.electrodes, 1)
-        jacobian = np.empty((len(i), *self.model.weight_m2.shape))
-        step = max(1, CHUNK_POINTS // self.model.weight_m2.shape[1])
-        for first in range(0, elements, step):
-            part = slice(first, min(first + step, elements))
-            field = self.fields(part) @ self.transfer_ohm
-            loss = ((field[..., i] - field[..., j]) ** 2).sum(axis=2)
-            jacobian[:, part] = np.moveaxis(loss * -self.model.weight_m2[part, :, None], -1, 0)
+        count, weight = self.model.electrodes, self.model.weight_m2
+        i, j = np.triu_indices(count, 1)
+        lower = np.arange(count) * (np.arange(count) + 1) // 2
+        field = self.potential @ self.transfer_ohm
+        jacobian = np.empty((len(i), *weight.shape))
+        step = max(1, CHUNK_POINTS // weight.shape[1])
+        for first in range(0, len(weight), step):
+            elements = np.arange(first, min(first + step, len(weight)))
+            product = np.moveaxis(field_products(self.model.space, field, elements, tensor=False)[:, :, 0], -1, 0)
+            square, mixed = product[lower + np.arange(count)], product[lower[j] + i]
+            jacobian[:, elements] = (2 * mixed - square[i] - square[j]) * weight[elements]
         return jacobian
 
     def jacobian_contact_resistance(self) -> Array:
@@ -243,20 +262,6 @@ class Solution:
         losses = self.model.contact_losses(self.potential)
         per_ohm = losses / (self.contact_resistance_ohm**2 * self.model.electrode_size)[:, None, None]
         return pair_resistances(self.transfer_ohm @ per_ohm @ self.transfer_ohm).T
-
-
-def _scalar_products(field: Array) -> Array:
-    """(E,Q,1,L(L+1)/2) lower triangle of grad u_i . grad u_j for fields (E,Q,2,L)."""
-    i, j = np.tril_indices(field.shape[-1])
-    return (field[..., i] * field[..., j]).sum(axis=2, keepdims=True)
-
-
-def _tensor_products(field: Array) -> Array:
-    """(E,Q,3,L(L+1)/2) what multiplies sigma_xx, sigma_xy and sigma_yy."""
-    i, j = np.tril_indices(field.shape[-1])
-    x, y = field[:, :, 0], field[:, :, 1]
-    mixed = x[..., i] * y[..., j] + y[..., i] * x[..., j]
-    return np.stack([x[..., i] * x[..., j], mixed, y[..., i] * y[..., j]], axis=2)
 
 
 def _transfer(conductance: Array) -> Array:
@@ -280,28 +285,3 @@ def _columns(column: list[tuple[Indices, Array]], rows: int) -> csr_array:
     value = np.concatenate([values for _, values in column])
     number = np.repeat(np.arange(len(column)), [len(indices) for indices, _ in column])
     return csr_array(coo_array((value, (row, number)), shape=(rows, len(column))))
-
-
-def _contact_block(mesh: SheetMesh, space: Space, electrode: int) -> tuple[Indices, Array, float]:
-    """Nodes (k,) under an electrode, their mass matrix (k,k) over its area or length, and that area or length."""
-    elements = np.flatnonzero(mesh.pad == electrode)
-    if len(elements):
-        barycentric, weight = _mass_rule(space.degree)
-        shape = shape_functions(space.degree, barycentric)
-        reference = shape.T @ (weight[:, None] * shape)
-        size, cells = space.area_m2[elements], space.element[elements]
-    else:
-        edge = mesh.edge[electrode]
-        cells = edge if space.degree == 1 else np.column_stack([edge, space.middle_nodes(edge)])
-        reference = EDGE_MASS[space.degree]
-        size = np.hypot(*(mesh.point_m[edge[:, 1]] - mesh.point_m[edge[:, 0]]).T)
-    nodes, local = np.unique(cells, return_inverse=True)
-    local = local.reshape(cells.shape)
-    mass = np.zeros((len(nodes), len(nodes)))
-    np.add.at(mass, (local[:, :, None], local[:, None, :]), size[:, None, None] * reference)
-    return nodes, mass, float(size.sum())
-
-
-def _mass_rule(degree: int) -> tuple[Array, Array]:
-    """A rule exact for products of shape functions: twice the triangles' degree."""
-    return quadrature(2) if degree == 2 else (np.array([[4, 1, 1], [1, 4, 1], [1, 1, 4]]) / 6, np.full(3, 1 / 3))

@@ -1,0 +1,55 @@
+"""Products of the fields' gradients at the quadrature points: what a change of the conductivity is weighed with."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from physics.conduction.triangle import Space, quadrature, shape_slopes
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+
+def field_products(space: Space, potential: Array, elements: Indices, tensor: bool) -> Array:
+    """(n,Q,C,L(L+1)/2) lower triangles of the products of L fields (N,L) in the elements (n,), in 1/m².
+
+    C = 1: grad u_i . grad u_j; with ``tensor`` C = 3: what multiplies sigma_xx, sigma_xy and sigma_yy.
+    """
+    slopes = np.ascontiguousarray(shape_slopes(space.degree, quadrature(space.degree)[0]))
+    count = potential.shape[1]
+    product = np.empty((len(elements), len(slopes), 3 if tensor else 1, count * (count + 1) // 2))
+    _multiply(product, elements, slopes, space.slope, space.element, np.ascontiguousarray(potential))
+    return product
+
+
+@njit(cache=True, fastmath={"contract"})
+def _multiply(product, elements, slopes, slope, element, potential):  # type: ignore[no-untyped-def]
+    points, nodes, _ = slopes.shape
+    count = potential.shape[1]
+    gradient = np.empty((2, count))
+    for n in range(len(elements)):
+        e = elements[n]
+        for q in range(points):
+            gradient[:] = 0.0
+            for a in range(nodes):
+                for d in range(2):
+                    c = 0.0
+                    for b in range(3):
+                        c += slopes[q, a, b] * slope[e, b, d]
+                    for i in range(count):
+                        gradient[d, i] += c * potential[element[e, a], i]
+            x, y = gradient[0], gradient[1]
+            out = product[n, q]
+            k = 0
+            for i in range(count):
+                if len(out) == 1:
+                    for j in range(i + 1):
+                        out[0, k + j] = x[i] * x[j] + y[i] * y[j]
+                else:
+                    for j in range(i + 1):
+                        out[0, k + j] = x[i] * x[j]
+                        out[1, k + j] = x[i] * y[j] + y[i] * x[j]
+                        out[2, k + j] = y[i] * y[j]
+                k += i + 1
