@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,11 +23,11 @@ CENTROID_AND_SIDES = np.array([[4, 1, 1], [1, 4, 1], [1, 1, 4]]) / 6
 
 @dataclass(frozen=True, eq=False)
 class Contact:
-    """``cell`` (c,n) nodes of the triangles or edges touched; ``mass`` (c,n,n) integrals over each of the products of
-    its shape functions; ``size``: area in m² of a pad, length in m of an edge electrode."""
+    """``cell`` (c,n) nodes of the triangles or edges touched; ``cell_mass`` (c,n,n) integrals over each of the products
+    of its shape functions; ``size``: area in m² of a pad, length in m of an edge electrode."""
 
     cell: Indices
-    mass: Array
+    cell_mass: Array
     size: float
 
     @classmethod
@@ -44,10 +45,18 @@ class Contact:
             raise ValueError(f"electrode {electrode} touches nothing of the mesh")
         return cls(cell, extent[:, None, None] * reference, float(extent.sum()))
 
-    def losses(self, drop: Array) -> Array:
-        """(k,k) integrals of the products of k fields (N,k) over the contact."""
-        local = drop[self.cell]
-        return np.einsum("cik,cij,cjm->km", local, self.mass, local, optimize=True)
+    @cached_property
+    def nodes(self) -> Indices:
+        """(k,) nodes touched."""
+        return np.unique(self.cell)
+
+    @cached_property
+    def mass(self) -> Array:
+        """(k,k) integrals over the whole contact of the products of the shape functions of ``nodes``."""
+        local = np.searchsorted(self.nodes, self.cell)
+        mass = np.zeros((len(self.nodes), len(self.nodes)))
+        np.add.at(mass, (local[:, :, None], local[:, None, :]), self.cell_mass)
+        return mass
 
 
 def _triangle_mass(degree: int) -> Array:

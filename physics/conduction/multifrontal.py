@@ -157,14 +157,24 @@ class FrontalFactor:
 
     def potentials(self) -> Array:
         """(N,L) potentials in the sheet for unit potential on each electrode in turn."""
-        f = self.fronts
-        below, below_offset = (self.work, self.offset) if self.base is None else (self.base.work, self.base.offset)
-        solved = np.zeros((f.unknowns + f.electrodes, f.electrodes))
-        solved[f.unknowns :] = np.eye(f.electrodes)
-        _substitute_back(
-            solved, self.dirty, self.work, self.offset, below, below_offset, f.node, f.node_start, f.pivots
-        )
-        return solved[: f.unknowns]
+        electrodes = self.fronts.electrodes
+        return self._back(np.concatenate([np.zeros((self.fronts.unknowns, electrodes)), np.eye(electrodes)]))
+
+    def solve(self, right: Array) -> Array:
+        """(N,k) potentials for currents (N,k) into the sheet's nodes, every electrode at zero."""
+        solved = np.concatenate([right, np.zeros((self.fronts.electrodes, right.shape[1]))])
+        _substitute(solved, *self._stored, self.fronts.node, self.fronts.node_start, self.fronts.pivots)
+        solved[self.fronts.unknowns :] = 0.0
+        return self._back(solved)
+
+    def _back(self, solved: Array) -> Array:
+        _substitute_back(solved, *self._stored, self.fronts.node, self.fronts.node_start, self.fronts.pivots)
+        return solved[: self.fronts.unknowns]
+
+    @property
+    def _stored(self) -> tuple[Flags, Array, Indices, Array, Indices]:
+        below = self if self.base is None else self.base
+        return self.dirty, self.work, self.offset, below.work, below.offset
 
 
 def _positions(remains: Indices, lists: list[Indices], above: int) -> Indices:
@@ -236,8 +246,29 @@ def _partial_cholesky(a, pivots):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, fastmath={"contract"})
+def _substitute(solved, dirty, work, offset, below, below_offset, node, node_start, pivots):  # type: ignore[no-untyped-def]
+    """Forward substitution in place, children before parents."""
+    columns = solved.shape[1]
+    for f in range(len(pivots)):
+        size = node_start[f + 1] - node_start[f]
+        start = offset[f] if dirty[f] else below_offset[f]
+        source = work if dirty[f] else below
+        front = source[start : start + size * size].reshape(size, size)
+        where = node[node_start[f] : node_start[f + 1]]
+        for k in range(pivots[f]):
+            pivot = solved[where[k]]
+            for s in range(columns):
+                pivot[s] /= front[k, k]
+            for j in range(k + 1, size):
+                c = front[k, j]
+                row = solved[where[j]]
+                for s in range(columns):
+                    row[s] -= c * pivot[s]
+
+
+@njit(cache=True, fastmath={"contract"})
 def _substitute_back(solved, dirty, work, offset, below, below_offset, node, node_start, pivots):  # type: ignore[no-untyped-def]
-    """Potentials of every front's pivots from those of its later nodes, from the root down."""
+    """Back substitution in place, from the root down."""
     columns = solved.shape[1]
     for f in range(len(pivots) - 1, -1, -1):
         size = node_start[f + 1] - node_start[f]
@@ -247,7 +278,7 @@ def _substitute_back(solved, dirty, work, offset, below, below_offset, node, nod
         where = node[node_start[f] : node_start[f + 1]]
         total = np.empty(columns)
         for k in range(pivots[f] - 1, -1, -1):
-            total[:] = 0.0
+            total[:] = solved[where[k]]
             for j in range(k + 1, size):
                 c = front[k, j]
                 row = solved[where[j]]

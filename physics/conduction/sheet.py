@@ -56,6 +56,7 @@ class SheetModel:
 
     ``quadrature_m`` (E,Q,2): where the conductivity is asked for. ``weight_m2`` (E,Q). ``electrode_size`` (L,): area
     in m² of a pad, length in m of an edge electrode; its product with the contact resistance is the specific impedance.
+    ``contacts``: which nodes each electrode touches. ``fronts``: how the sheet is eliminated.
     """
 
     def __init__(self, sensor: Sensor, resolution: str | Resolution = "fine") -> None:
@@ -75,8 +76,8 @@ class SheetModel:
         self.space = Space.on(mesh.point_m, mesh.triangle, degree)
         self.quadrature_m = self.space.quadrature_m()
         self.weight_m2 = self.space.weights_m2()
-        self._contacts = [Contact.of(mesh, self.space, k) for k in range(mesh.electrodes)]
-        self.electrode_size = np.array([contact.size for contact in self._contacts])
+        self.contacts = [Contact.of(mesh, self.space, k) for k in range(mesh.electrodes)]
+        self.electrode_size = np.array([contact.size for contact in self.contacts])
         self._number_entries()
 
     def _number_entries(self) -> None:
@@ -84,13 +85,13 @@ class SheetModel:
         a, b = np.tril_indices(self.space.element.shape[1])
         nodes = self.space.nodes
         codes = [_code(self.space.element[:, a], self.space.element[:, b], nodes).ravel()]
-        for contact in self._contacts:
+        for contact in self.contacts:
             k, m = np.tril_indices(contact.cell.shape[1])
             codes.append(_code(contact.cell[:, k], contact.cell[:, m], nodes).ravel())
         unique, entry = np.unique(np.concatenate(codes), return_inverse=True)
         element, *touched = np.split(entry, np.cumsum([len(code) for code in codes])[:-1])
-        mass = [contact.mass[:, *np.tril_indices(contact.cell.shape[1])].ravel() for contact in self._contacts]
-        touch = coo_array(_columns([(c.cell.ravel(), c.mass.sum(axis=2).ravel()) for c in self._contacts], nodes))
+        mass = [contact.cell_mass[:, *np.tril_indices(contact.cell.shape[1])].ravel() for contact in self.contacts]
+        touch = coo_array(_columns([(c.cell.ravel(), c.cell_mass.sum(axis=2).ravel()) for c in self.contacts], nodes))
         coupling = [
             (len(unique) + np.flatnonzero(touch.col == k), -touch.data[touch.col == k]) for k in range(len(mass))
         ]
@@ -175,8 +176,16 @@ class SheetModel:
 
         ``potential`` (N,L): the fields of unit potential on each electrode, as ``Solution.potential``.
         """
-        unit = np.eye(self.electrodes)
-        return np.stack([contact.losses(potential - unit[k]) for k, contact in enumerate(self._contacts)])
+        losses = np.empty((self.electrodes, self.electrodes, self.electrodes))
+        for k, contact in enumerate(self.contacts):
+            drop = potential[contact.nodes]
+            drop[:, k] -= 1.0
+            losses[k] = drop.T @ contact.mass @ drop
+        return losses
+
+    def contact_response(self, conductivity_s: Array, contact_resistance_ohm: Array, load: Array) -> Array:
+        """(N,k) potentials that nodal currents ``load`` (N,k) drive with every electrode held at zero."""
+        return self.solve(conductivity_s, contact_resistance_ohm).factor.solve(load)
 
 
 @dataclass(frozen=True, eq=False)
