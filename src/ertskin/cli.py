@@ -22,6 +22,18 @@ if TYPE_CHECKING:
 
 USAGE = "usage: ertskin VERB [-m] [group=choice] [key=value]"
 SWEEP_FLAGS = {"-m", "--multirun"}
+OPTIONS_WITH_VALUE = {
+    "--config-dir",
+    "-cd",
+    "--config-path",
+    "-cp",
+    "--config-name",
+    "-cn",
+    "--cfg",
+    "-c",
+    "--package",
+    "-p",
+}
 # Folder of configurations the commands write for one another (a calibration, a verdict), searched beside ours.
 WRITTEN_CONFIGS = Path("runs/conf")
 
@@ -71,8 +83,22 @@ def _run(verb: str, arguments: list[str]) -> None:
         extra.append(f"hydra.sweep.dir=runs/sweep/{sweep_key(verb, arguments)}")
     run = importlib.import_module(f"ertskin.commands.{verb}").run
     task = _told_at_once(run) if sweeping else _escaping(run)
-    sys.argv = [f"ertskin {verb}", *arguments, *extra]
+    sys.argv = [f"ertskin {verb}", *_options_first([*arguments, *extra])]
     hydra.main(version_base="1.3", config_path=str(config_dir()), config_name=verb)(task)()
+
+
+def _options_first(arguments: list[str]) -> list[str]:
+    """Hydra's parser takes overrides in one piece only; a person may put -m or --config-dir between them."""
+    options, overrides = [], []
+    words = iter(arguments)
+    for word in words:
+        if not word.startswith("-"):
+            overrides.append(word)
+            continue
+        options.append(word)
+        if word in OPTIONS_WITH_VALUE:
+            options.extend(value for value in [next(words, None)] if value is not None)
+    return [*options, *overrides]
 
 
 class _Escape(BaseException):
@@ -101,8 +127,12 @@ def _told_at_once(run: Callable[[DictConfig], Any]) -> Callable[[DictConfig], An
             from hydra.core.hydra_config import HydraConfig
 
             words = " ".join(HydraConfig.get().overrides.task)
-            print(f"ertskin: FAILED {words}: {_users_line(error) or error!r}", file=sys.stderr, flush=True)
-            raise
+            line = _users_line(error)
+            if line is None:
+                traceback.print_exception(error)
+                line = repr(error)
+            print(f"ertskin: FAILED {words}: {line}", file=sys.stderr, flush=True)
+            raise JobFailed("not every job of the sweep succeeded; run it again to try those that failed") from None
 
     return task
 

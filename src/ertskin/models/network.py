@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any, ClassVar, Literal
 
 import lightning.pytorch as pl
@@ -70,7 +71,7 @@ class Network(pl.LightningModule):
         if self.annealed and self.trainer.max_epochs:
             share = self.current_epoch / self.trainer.max_epochs
             for group in self.optimizers(use_pl_optimizer=False).param_groups:  # type: ignore[union-attr]
-                group["lr"] = self.learning_rate * 0.5 * (1 + np.cos(np.pi * share))
+                group["lr"] = self.learning_rate * 0.5 * (1 + math.cos(math.pi * share))
 
     def validation_step(self, batches: Batches, index: int) -> None:
         """Mean losses over the validation trials; raises ``JobFailed`` where they are no longer finite."""

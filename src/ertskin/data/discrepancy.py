@@ -1,0 +1,75 @@
+"""What the real skin does beyond the simulator, learned per taxel from real presses and added to simulated ones.
+
+A function of the force for each recorded place (Kennedy & O'Hagan, J. R. Stat. Soc. B 63 (2001) 425: a Gaussian process
+for the discrepancy of a computer model). It has no name and explains nothing; a diagnosis does. Discrepancies of
+several contacts add up.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cho_factor, cho_solve
+
+Array = NDArray[np.float64]
+
+LENGTHS = (0.3, 0.6, 1.2)
+SIGNALS = tuple(10.0**k for k in range(-1, 6))
+
+
+@dataclass(frozen=True, eq=False)
+class Discrepancy:
+    """Gaussian-process mean of real minus simulated change at each recorded place.
+
+    ``place_m`` (n,2); per place the forces (f,) seen and the weights (f,P) of the process; ``length``: correlation
+    length in log(1 + F/N). ``reach_m``: contacts further than this from every recorded place get none.
+    """
+
+    place_m: Array
+    force_n: list[Array]
+    weight_v: list[Array]
+    length: float
+    reach_m: float
+
+    @classmethod
+    def fit(cls, contact_m: Array, force_n: Array, residual_v: Array, noise_v: float, reach_m: float) -> Discrepancy:
+        """From one-point presses: places (N,2), forces (N,), whitened residuals (N,P) in volt with noise ``noise_v``.
+
+        Length and size of the process are those of the largest marginal likelihood, common to all places.
+        """
+        place, number = np.unique(contact_m, axis=0, return_inverse=True)
+        groups = [np.flatnonzero(number.ravel() == k) for k in range(len(place))]
+        sets = [(force_n[rows], residual_v[rows]) for rows in groups]
+        length, signal = max(
+            ((length, signal) for length in LENGTHS for signal in SIGNALS),
+            key=lambda choice: sum(_evidence(f, r, noise_v, *choice) for f, r in sets),
+        )
+        weights = [signal * cho_solve(cho_factor(signal * _kernel(f, f, length) + np.eye(len(f))), r) for f, r in sets]
+        return cls(place, [f for f, _ in sets], weights, length, reach_m)
+
+    def of(self, contact_m: Array, force_n: Array) -> Array:
+        """(N,P) volt to add to the simulated change of contacts (N,C,2) with forces (N,C); NaN: no contact."""
+        total = np.zeros((len(force_n), self.weight_v[0].shape[1]))
+        away = np.linalg.norm(contact_m[:, :, None] - self.place_m, axis=-1)
+        away = np.where(np.isfinite(away), away, np.inf)
+        for k in range(len(self.place_m)):
+            rows, slots = np.nonzero((away.argmin(axis=-1) == k) & (away.min(axis=-1) <= self.reach_m))
+            if len(rows):
+                found = _kernel(force_n[rows, slots], self.force_n[k], self.length) @ self.weight_v[k]
+                np.add.at(total, rows, found)
+        return total
+
+
+def _kernel(a_n: Array, b_n: Array, length: float) -> Array:
+    """Covariance of the discrepancy at two forces: smooth in log(1 + F/N), nothing without force."""
+    u, v = np.log1p(np.maximum(a_n, 0.0))[:, None], np.log1p(np.maximum(b_n, 0.0))
+    return u * v * np.exp(-0.5 * ((u - v) / length) ** 2)
+
+
+def _evidence(force_n: Array, residual_v: Array, noise_v: float, length: float, signal: float) -> float:
+    """Log marginal likelihood of all coordinates, ``signal`` in units of the noise's variance."""
+    factor, lower = cho_factor(signal * _kernel(force_n, force_n, length) + np.eye(len(force_n)))
+    quadratic = np.sum(residual_v * cho_solve((factor, lower), residual_v)) / noise_v**2
+    return float(-0.5 * quadratic - residual_v.shape[1] * np.log(np.diag(factor)).sum())
