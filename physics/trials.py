@@ -12,7 +12,10 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Trials:
-    """N presses with C contacts each: ``taxel`` (N,C) indices, ``contact_m`` (N,C,2), ``force_n`` (N,C)."""
+    """N presses with up to C contacts each: ``taxel`` (N,C) indices, ``contact_m`` (N,C,2), ``force_n`` (N,C).
+
+    An absent contact has NaN for place and force.
+    """
 
     taxel: NDArray[np.intp]
     contact_m: Array
@@ -28,7 +31,7 @@ class Trials:
     def force_map_n(self, taxels: int) -> Array:
         """(N, taxels) newton on every taxel."""
         label = np.zeros((len(self), taxels))
-        np.add.at(label, (np.arange(len(self))[:, None], self.taxel), self.force_n)
+        np.add.at(label, (np.arange(len(self))[:, None], self.taxel), np.nan_to_num(self.force_n))
         return label
 
 

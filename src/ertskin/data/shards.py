@@ -57,6 +57,11 @@ class ShardStore:
         return total
 
     @property
+    def sealed(self) -> bool:
+        """Whether all shards were once there and listed."""
+        return "checksum" in self._manifest()
+
+    @property
     def checksum(self) -> str:
         """SHA-256 of the sealed set; ``UserError`` where it isn't sealed yet."""
         try:

@@ -67,7 +67,7 @@ def touches_of(recording: Recording) -> Touches:
     coordinates, _ = despiked(protocol, voltage)
     weights = rest_weights(history, coordinates)
     rest = history.phase == 0
-    touched = history.touched.any(axis=1)
+    touched = np.asarray(history.touched.any(axis=1))
     flat = voltage.reshape(len(voltage), -1)
     change = coordinates - weights @ coordinates[rest]
     raw = flat[touched] - weights[touched] @ flat[rest]
