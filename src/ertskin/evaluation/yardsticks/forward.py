@@ -1,38 +1,27 @@
-"""What the forward-model yardsticks ask of the physics, and the tables they make from it."""
+"""The forward model in the coordinates the yardsticks work in, and the tables they make from it."""
 
 from __future__ import annotations
-
-from typing import Protocol as Interface
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
+from ertskin.data.synthesis import Forward
 from ertskin.evaluation.yardsticks.yardstick import Array
 from physics.protocol import Protocol
 
 Indices = NDArray[np.intp]
 
 
-class ForwardModel(Interface):
-    """The calibrated chain from presses to the pair resistances."""
-
-    def pair_resistances(self, contact_m: Array, force_n: Array) -> Array:
-        """(N,P) ohm for contacts at ``contact_m`` (N,C,2) metres pressed with ``force_n`` (N,C) newton; 0 N is rest."""
-        ...
-
-
 class Response:
     """Whitened changes in volt, touched minus rest, for forces on the taxels ``taxel_m`` (n,2)."""
 
-    def __init__(self, model: ForwardModel, protocol: Protocol, taxel_m: Array):
-        self.model, self.protocol, self.taxel_m = model, protocol, taxel_m
-        self.rest_ohm = model.pair_resistances(taxel_m[None, :1], np.zeros((1, 1)))[0]
+    def __init__(self, forward: Forward, protocol: Protocol, taxel_m: Array):
+        self.forward, self.protocol, self.taxel_m = forward, protocol, taxel_m
 
     def change_v(self, taxel: Indices, force_n: Array) -> Array:
         """(N,P) volt for forces ``force_n`` (N,C) on the taxels numbered ``taxel`` (N,C)."""
-        pressed_ohm = self.model.pair_resistances(self.taxel_m[taxel], force_n)
-        return self.protocol.whitened(pressed_ohm - self.rest_ohm)
+        return self.protocol.whitened(self.forward.change_ohm(self.taxel_m[taxel], force_n))
 
     def table_v(self, level_n: Array) -> Array:
         """(n,F,P) volt: every taxel alone at every force level ``level_n`` (F,)."""
