@@ -45,7 +45,7 @@ def fit(
     folder.mkdir(parents=True, exist_ok=True)
     torch.set_num_threads(settings.threads)
     network.learning_rate, network.annealed = settings.learning_rate, settings.annealed
-    checkpoint = ExactCheckpoint(folder)
+    checkpoint = ExactCheckpoint(folder, settings.checkpoint_s)
     last = folder / LAST
     if not _finished(last):
         data = TrialModule(

@@ -1,0 +1,31 @@
+"""Fixtures of the learning package's tests."""
+
+from __future__ import annotations
+
+import shutil
+import sys
+from pathlib import Path
+
+import pytest
+
+# Test data made by a module of this folder is named in a configuration: both must be found.
+sys.path.insert(0, str(Path(__file__).parent))
+TEST_CONF = Path(__file__).parent / "conf"
+
+
+@pytest.fixture(scope="session")
+def fresh_database(tmp_path_factory) -> Path:
+    """A folder with an empty MLflow database, which takes seconds to make."""
+    from ertskin.tracking.store import ensure_database
+
+    folder = tmp_path_factory.mktemp("fresh")
+    ensure_database(folder / "mlflow.db")
+    return folder
+
+
+@pytest.fixture
+def workplace(tmp_path, fresh_database, monkeypatch) -> Path:
+    """An empty working directory that has its database already."""
+    shutil.copytree(fresh_database, tmp_path / "runs")
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
