@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -28,11 +30,17 @@ def evaluate_predictions(
     location error is over all of them. Metrics for which there is no frame are left out.
     """
     declared = predicted_map_n > threshold_n if present is None else present
-    outcome = Outcome(true_map_n, predicted_map_n, declared, taxel_m, contact_m, located_m)
-    metrics: tuple = (location_error_mm,) if (outcome.contacts > 0).any() else ()
+    return evaluate_outcome(Outcome(true_map_n, predicted_map_n, declared, taxel_m, contact_m, located_m))
+
+
+def evaluate_outcome(outcome: Outcome) -> dict[str, Score]:
+    """Scores by metric name: the one-point metrics over frames with one touched taxel, the two-point ones over two."""
+    metrics: tuple[Callable[[Outcome], Score], ...] = ()
     for count, those in ((1, ONE_POINT), (2, TWO_POINT)):
         if (outcome.contacts == count).any():
             metrics += those
+    if (outcome.contacts > 0).any():
+        metrics += (location_error_mm,)
     return {score.name: score for score in (metric(outcome) for metric in metrics)}
 
 

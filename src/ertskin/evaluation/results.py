@@ -1,0 +1,103 @@
+"""What every method scored, over its seeds, and the files that keep it."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from ertskin.evaluation.metrics import Score
+from ertskin.evaluation.outcome import Array, Outcome
+from ertskin.evaluation.predictions import as_plain
+
+Kind = Literal["network", "yardstick", "bound"]
+FORMAT, FORMAT_VERSION = "ertskin-evaluation", 1
+PAPER = {
+    "hit_rate_one": (0.82, 0.12),
+    "force_rmse_one_n": (0.51, 0.72),
+    "force_correlation_one": (0.95, None),
+    "exact_rate_two": (0.785, None),
+    "force_error_two_n": (5.0, 2.2),
+}
+"""The paper's numbers (IV-D) as value and what follows its ±; None where it gives none."""
+
+
+@dataclass(frozen=True, eq=False)
+class SeedResult:
+    """One training of a method: its scores by metric name, and what it said of the test frames."""
+
+    seed: int
+    scores: dict[str, Score]
+    outcome: Outcome | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class MethodResult:
+    """A method and its trainings; ``note`` says in a few words what it is."""
+
+    name: str
+    kind: Kind
+    runs: tuple[SeedResult, ...]
+    note: str = ""
+
+    def values(self, metric: str) -> Array:
+        """(S,) the metric of each seed that has it."""
+        return np.array([run.scores[metric].value for run in self.runs if metric in run.scores])
+
+    def per_taxel(self, metric: str) -> Array:
+        """(n,) mean over the seeds; NaN where no frame touched the taxel."""
+        return np.mean([run.scores[metric].per_taxel for run in self.runs if metric in run.scores], axis=0)
+
+    def plain(self) -> dict[str, Any]:
+        """As values JSON can hold."""
+        seeds = [{"seed": run.seed, "metrics": as_plain(run.scores)} for run in self.runs]
+        return {"name": self.name, "kind": self.kind, "note": self.note, "seeds": seeds}
+
+
+def metric_names(methods: Sequence[MethodResult]) -> list[str]:
+    """Every metric some method has, the paper's first."""
+    known = {name for method in methods for run in method.runs for name in run.scores}
+    return [name for name in (*PAPER, "location_error_mm") if name in known]
+
+
+def write_results(folder: Path, methods: Sequence[MethodResult], about: dict[str, Any]) -> tuple[Path, Path]:
+    """``evaluation.json`` with everything and ``evaluation.csv`` with a line per method and metric, into ``folder``."""
+    folder.mkdir(parents=True, exist_ok=True)
+    content = {
+        "format": FORMAT,
+        "format_version": FORMAT_VERSION,
+        "about": about,
+        "paper": {name: {"value": value, "spread": spread} for name, (value, spread) in PAPER.items()},
+        "methods": [method.plain() for method in methods],
+    }
+    as_json, as_csv = folder / "evaluation.json", folder / "evaluation.csv"
+    _replace(as_json, json.dumps(content, indent=1))
+    _replace(as_csv, _table(methods))
+    return as_json, as_csv
+
+
+def _table(methods: Sequence[MethodResult]) -> str:
+    stream = io.StringIO()
+    writer = csv.writer(stream, lineterminator="\n")
+    writer.writerow(["method", "kind", "metric", "seeds", "mean", "spread_over_seeds", "taxel_mean", "taxel_spread"])
+    for method in methods:
+        for metric in metric_names([method]):
+            values = method.values(metric)
+            scores = [run.scores[metric] for run in method.runs if metric in run.scores]
+            numbers = [values.mean(), values.std(), *np.mean([[s.taxel_mean, s.taxel_spread] for s in scores], axis=0)]
+            written = [f"{number:.6g}" if np.isfinite(number) else "" for number in numbers]
+            writer.writerow([method.name, method.kind, metric, len(values), *written])
+    return stream.getvalue()
+
+
+def _replace(path: Path, text: str) -> None:
+    aside = path.with_name(path.name + ".part")
+    aside.write_text(text, encoding="utf-8")
+    os.replace(aside, path)
