@@ -183,7 +183,8 @@ class _Run:
             if np.isfinite(depth):
                 place = history.contact_m[number, contact]
                 self.stage.move(time_s - MOVE_S, place, self.stage.command_m)
-                forces[:, contact] = [self.stage.move(time_s + one, place, depth) for one in self._instants_s]
+                self.stage.move(time_s, place, depth)
+                forces[:, contact] = self.stage.during_scan(time_s, self._instants_s)
             else:
                 forces[:, contact] = history.force_n[number, contact]
         return forces

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from hardware.virtual.bench.plans import QUICK_TAXELS
 from physics.sensor import Sensor
 
 Parameters = dict[str, Any]
@@ -37,8 +38,9 @@ def _direction(rng: np.random.Generator) -> np.ndarray:
 
 
 def _spot(rng: np.random.Generator, sensor: Sensor) -> list[float]:
-    low, high = sensor.extent_m
-    return (low + (high - low) * rng.uniform(0.2, 0.8, 2)).tolist()
+    """Near one of the places that every plan presses."""
+    place = sensor.taxel_m[rng.choice(QUICK_TAXELS)] if len(sensor.taxel_m) == 36 else sensor.extent_m.mean(axis=0)
+    return (place + rng.uniform(-4e-3, 4e-3, 2)).tolist()
 
 
 def _nonlinear_foam(strength: float, rng: np.random.Generator, sensor: Sensor) -> Parameters:
@@ -111,7 +113,7 @@ def _adc_saturation(strength: float, rng: np.random.Generator, sensor: Sensor) -
 
 
 def _scan_skew(strength: float, rng: np.random.Generator, sensor: Sensor) -> Parameters:
-    return {"settle_s": 0.12 * strength}
+    return {"step_share": 0.6 * strength}
 
 
 def _torn_patch(strength: float, rng: np.random.Generator, sensor: Sensor) -> Parameters:

@@ -34,17 +34,17 @@ def foam_of(truth: Truth, stiffness_n_per_m: float) -> Foam:
 class Stage:
     """A carriage with an indenter over the foam; remembers every place that was pressed.
 
-    A carriage may follow its command late (``scan_skew``) and turn round late (``stage_backlash``).
+    A carriage may glide on while a scan is read (``scan_skew``) and turn round late (``stage_backlash``).
     """
 
     def __init__(self, truth: Truth, stiffness_n_per_m: float) -> None:
         self.foam = foam_of(truth, stiffness_n_per_m)
-        lag, play = truth.parameters("scan_skew"), truth.parameters("stage_backlash")
-        self._lag_s = lag["settle_s"] if lag else 0.0
+        glide, play = truth.parameters("scan_skew"), truth.parameters("stage_backlash")
+        self._glide = glide["step_share"] if glide else 0.0
         self._play_m = play["play_m"] if play else 0.0
         self._spots: list[tuple[Array, FoamSpot, float]] = []
         self.place_m: Array | None = None
-        self.command_m = self._goal_m = self._carriage_m = 0.0
+        self.command_m = self._carriage_m = self._step_m = 0.0
         self._now_s = 0.0
         self._spot: FoamSpot | None = None
 
@@ -68,12 +68,29 @@ class Stage:
         if self.place_m is None or np.hypot(*(self.place_m - place_m)) >= SAME_PLACE_M:
             self._leave(0.0)
             self._land(place_m)
+        if depth_m != self.command_m:
+            self._step_m = depth_m - self.command_m
         self.command_m = depth_m
-        self._goal_m = max(depth_m, min(self._goal_m, depth_m + self._play_m))
-        left = np.exp(-seconds / self._lag_s) if self._lag_s > 0.0 else 0.0
-        self._carriage_m = self._goal_m + (self._carriage_m - self._goal_m) * left
+        return self._press(depth_m, seconds)
+
+    def during_scan(self, time_s: float, instants_s: Array) -> Array:
+        """(S,) forces at instants (S,) of a scan that starts at ``time_s`` and ends with the last of them.
+
+        A gliding carriage passes the commanded depth in the middle, in an S-shaped sweep along its last step.
+        """
+        forces = np.empty(len(instants_s))
+        for number, instant in enumerate(instants_s):
+            seconds = max(time_s + instant - self._now_s, 0.0)
+            self._now_s = max(time_s + instant, self._now_s)
+            beyond = 0.5 * self._glide * self._step_m * np.sin(np.pi * (instant / instants_s[-1] - 0.5))
+            forces[number] = 0.0 if self._spot is None else self._press(self.command_m + beyond, seconds)
+        self._step_m = 0.0
+        return forces
+
+    def _press(self, depth_m: float, seconds: float) -> float:
         if self._spot is None:
             raise RuntimeError("the indenter is in the air")
+        self._carriage_m = max(depth_m, min(self._carriage_m, depth_m + self._play_m))
         return self._spot.press(self._carriage_m, seconds)
 
     def _leave(self, seconds: float) -> None:
@@ -81,7 +98,7 @@ class Stage:
             self._spot.press(0.0, seconds)
             self._spots.append((self.place_m, self._spot, self._now_s))
         self.place_m, self._spot = None, None
-        self.command_m = self._goal_m = self._carriage_m = 0.0
+        self.command_m = self._carriage_m = self._step_m = 0.0
 
     def _land(self, place_m: Array) -> None:
         self.place_m, self._spot = np.array(place_m, dtype=float), FoamSpot(self.foam)

@@ -53,14 +53,14 @@ class LiveSkin:
 
     def scan(self, time_s: float) -> Array:
         """(K,M) volt of the scan that starts at ``time_s``, the stage's command standing still."""
-        middle = time_s + (self.protocol.scan_s or 0.0) / 2
-        instants = self._electronics.offset_s if self._skewed else np.array([middle - time_s])
-        ahead = deepcopy(self._stage)
-        sampled = np.linspace(instants[0], instants[-1], 9) if self._skewed else instants
-        forces = np.array([ahead.move(time_s + one, ahead.place_m, ahead.command_m) for one in sampled])
-        if np.ptp(forces) < 1e-6:
-            return self._electronics.scan(self._read(forces.mean(), middle), time_s)
-        course = np.interp(instants, sampled, forces)
+        scan_s = self.protocol.scan_s or 0.0
+        middle = time_s + scan_s / 2
+        sampled = np.linspace(0.0, max(scan_s, 1e-3), 9 if self._skewed else 3)
+        forces = deepcopy(self._stage).during_scan(time_s, sampled)
+        if not self._skewed or np.ptp(forces) < 1e-6:
+            mean = float(np.trapezoid(forces, sampled) / sampled[-1])
+            return self._electronics.scan(self._read(mean, middle), time_s)
+        course = np.interp(self._electronics.offset_s, sampled, forces)
         nodes = np.array([course.min(), (course.min() + course.max()) / 2, course.max()])
         readings = np.stack([self._read(node, middle) for node in nodes])
         share = interpolation(nodes, course)

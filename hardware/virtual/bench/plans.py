@@ -14,6 +14,7 @@ Array = NDArray[np.float64]
 
 WEIGHT_N = 0.5 * 9.81
 STEPS_M: Array = 5e-4 * np.arange(1.0, 9.0)
+QUICK_TAXELS = (0, 4, 7, 9, 14, 16, 19, 21, 26, 28, 31, 35)
 TWO_POINT_TAXELS = (
     *((0, 35), (7, 28), (2, 14), (5, 30), (8, 22), (13, 16), (1, 33), (19, 23)),
     *((10, 25), (4, 26), (12, 17), (20, 32), (6, 11), (3, 27)),
@@ -98,6 +99,7 @@ def _half(sensor: Sensor) -> Array:
 
 PLANS: dict[str, Callable[[Sensor], History]] = {
     "indentation": lambda sensor: presses(sensor.taxel_m),
+    "quick": lambda sensor: presses(sensor.taxel_m[list(QUICK_TAXELS)], STEPS_M[1::2], holds=1),
     "half": lambda sensor: presses(_half(sensor)),
     "repeats": lambda sensor: presses(np.tile(_half(sensor), (2, 1)), holds=1),
     "two_speeds": lambda sensor: presses(_half(sensor), step_s=np.resize([0.5, 3.0], len(_half(sensor)))),
@@ -106,4 +108,4 @@ PLANS: dict[str, Callable[[Sensor], History]] = {
     "test_one": lambda sensor: presses(sensor.taxel_m, STEPS_M - 1.5e-4, holds=0, unloading=False),
     "test_two": weights,
 }
-"""Plans by name. ``half`` is the small one, ``no_unloading`` and ``one_speed`` hide what depends on history."""
+"""Plans by name. ``half`` and ``quick`` are small; ``no_unloading`` and ``one_speed`` hide what depends on history."""
