@@ -1,0 +1,252 @@
+"""One contact resistance per electrode from the unloaded scan (paper III-C, eq. 5), and the sheet's if it is unknown.
+
+Both methods minimise |V_real - V_sim| over the readings. Only the part of the readings that a resistor network can give
+depends on the unknowns, so the sum runs over the pair resistances in whitened coordinates (276 numbers for 6624).
+Readings are potentials of the electrodes themselves: they hold the drop across a driven electrode's contact.
+
+- ``gauss_newton``: derivatives by the adjoint. The unknowns' logarithms are what moves, so they stay positive; a step
+  up is taken as R(1 + d), because readings are nearly linear in R: a start 100 times too low needs hardly more steps
+  than one near by, where plain exp(d) would overshoot.
+- ``direct_search``: the paper's, here a pattern search (Hooke & Jeeves, J. ACM 8 (1961) 212) over the logarithms, on a
+  reduction of the sheet; no derivatives.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from physics.calibration.contact_reduction import ContactReduction
+from physics.conduction.sheet import SheetModel
+from physics.protocol import Protocol
+
+Array = NDArray[np.float64]
+
+_STEPS = 40
+_CONVERGED = 1e-2
+"""A step is the last if it moves no unknown by more than this share of its standard error."""
+
+_ROUNDING = 1e-6
+"""A rise of the misfit by less than this share is the solver's rounding, not a failed step."""
+
+_LARGEST_FALL = 2.0
+_REACH = 1000.0
+_NARROW = 3.0
+_FIRST_STRIDE = 1.0
+_WIDE_STRIDE = 1e-3
+_LAST_STRIDE = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class ContactFit:
+    """Contact resistances (L,) in ohm with standard errors, and the sheet resistance in ohm per square.
+
+    Standard errors hold for white reading noise of ``noise_v`` (given, or taken from the residual); ``covariance`` is
+    of the logarithms of the unknowns, contacts first. ``residual_v`` (P,): measured less simulated in whitened
+    coordinates; ``residual_rms_v`` its rms per degree of freedom. ``rms_before_v`` and ``rms_after_v`` are over all
+    readings (Fig. 7). ``evaluations`` counts solutions of the sheet, or of its reduction.
+    """
+
+    contact_resistance_ohm: Array
+    standard_error_ohm: Array
+    sheet_resistance_ohm_sq: float
+    sheet_standard_error_ohm_sq: float
+    covariance: Array
+    noise_v: float
+    residual_v: Array
+    residual_rms_v: float
+    rms_before_v: float
+    rms_after_v: float
+    method: str
+    evaluations: int
+    seconds: float
+
+
+@dataclass(frozen=True, eq=False)
+class ContactProblem:
+    """What is to be fitted: the model, the protocol and the mean unloaded readings (K,M) in volt.
+
+    ``sheet_resistance_ohm_sq`` and ``guess_ohm`` (for every contact) are start values; the sheet's stays as it is
+    unless ``fit_sheet``. ``noise_v`` is the noise of one mean reading where known.
+    """
+
+    model: SheetModel
+    protocol: Protocol
+    voltage_v: Array
+    sheet_resistance_ohm_sq: float
+    guess_ohm: float
+    fit_sheet: bool = False
+    noise_v: float | None = None
+
+    def start(self) -> Array:
+        """(n,) logarithms of the unknowns' start values."""
+        values = np.full(self.model.electrodes + self.fit_sheet, float(self.guess_ohm))
+        if self.fit_sheet:
+            values[-1] = self.sheet_resistance_ohm_sq
+        return np.log(values)
+
+    def split(self, logs: Array) -> tuple[Array, float]:
+        """Contact resistances (L,) and sheet resistance of the unknowns' logarithms (n,)."""
+        values = np.exp(logs)
+        sheet = float(values[-1]) if self.fit_sheet else self.sheet_resistance_ohm_sq
+        return values[: self.model.electrodes], sheet
+
+    def measured(self) -> Array:
+        """(P,) the readings in whitened coordinates, in volt."""
+        return self.voltage_v.ravel() @ self.protocol.orthonormal
+
+    def reading_rms(self, pair_resistance_ohm: Array) -> float:
+        """Rms over all readings of measured less simulated, in volt (eq. 5 over the square root of their number)."""
+        return float(np.sqrt(np.mean((self.voltage_v - self.protocol.readings(pair_resistance_ohm)) ** 2)))
+
+    def linearised(self, logs: Array) -> tuple[Array, Array]:
+        """Pair resistances (P,) of the full model and their derivatives (P,n) by the unknowns' logarithms, in ohm.
+
+        Resistances scale together: the sheet's derivative follows from the contacts' (Euler's theorem).
+        """
+        contact, sheet = self.split(logs)
+        solution = self.model.solve(self.model.uniform(sheet), contact)
+        pairs = solution.pair_resistance_ohm
+        by_log = solution.jacobian_contact_resistance() * contact
+        if self.fit_sheet:
+            by_log = np.column_stack([by_log, pairs - by_log.sum(axis=1)])
+        return pairs, by_log
+
+
+def gauss_newton(problem: ContactProblem) -> ContactFit:
+    """Fit by Gauss-Newton with Levenberg's damping where a step fails; raises ``RuntimeError`` without convergence."""
+    begun = time.perf_counter()
+    measured, whiten = problem.measured(), problem.protocol.cholesky
+    logs = problem.start()
+    pairs, slope = problem.linearised(logs)
+    before = problem.reading_rms(pairs)
+    residual, damping, evaluations = measured - whiten @ pairs, 0.0, 1
+    for _ in range(_STEPS):
+        jacobian = whiten @ slope
+        normal = jacobian.T @ jacobian
+        curvature = np.diag(normal)
+        step = np.linalg.solve(normal + damping * np.diag(curvature), jacobian.T @ residual)
+        move = np.where(step > 0, np.log1p(np.maximum(step, 0)), np.maximum(step, -_LARGEST_FALL))
+        trial_pairs, trial_slope = problem.linearised(logs + move)
+        evaluations += 1
+        trial = measured - whiten @ trial_pairs
+        if trial @ trial > residual @ residual * (1 + _ROUNDING):
+            damping = max(4 * damping, 1e-3)
+            continue
+        converged = bool((np.abs(move) <= _CONVERGED * _errors(problem, jacobian, trial)).all())
+        logs, pairs, slope, residual = logs + move, trial_pairs, trial_slope, trial
+        damping = damping / 10 if damping > 1e-6 else 0.0
+        if converged:
+            return _result(problem, logs, pairs, slope, before, "gauss_newton", evaluations, begun)
+    raise RuntimeError(f"contact resistances did not converge in {_STEPS} Gauss-Newton steps")
+
+
+def direct_search(problem: ContactProblem, stride: float = _LAST_STRIDE) -> ContactFit:
+    """Fit by pattern search until no coordinate move of relative size ``stride`` lowers the misfit.
+
+    First on a reduction that spans from a tenth of the guess to a thousand times it, then on one made for the range
+    found, which is then exact to far below the noise.
+    """
+    begun = time.perf_counter()
+    measured, whiten = problem.measured(), problem.protocol.cholesky
+    counted = 0
+
+    def cost_on(reduction: ContactReduction) -> Callable[[Array], float]:
+        def cost(logs: Array) -> float:
+            nonlocal counted
+            counted += 1
+            residual = measured - whiten @ reduction.pair_resistance_ohm(*problem.split(logs))
+            return float(residual @ residual)
+
+        return cost
+
+    ratio = problem.guess_ohm / problem.sheet_resistance_ohm_sq
+    wide = cost_on(ContactReduction.of(problem.model, 0.1 * ratio, _REACH * ratio))
+    logs = pattern_search(wide, problem.start(), _FIRST_STRIDE, _WIDE_STRIDE)
+    contact, sheet = problem.split(logs)
+    around = float(contact.min()) / sheet / _NARROW, float(contact.max()) / sheet * _NARROW
+    logs = pattern_search(cost_on(ContactReduction.of(problem.model, *around)), logs, 100 * _WIDE_STRIDE, stride)
+    pairs, slope = problem.linearised(logs)
+    before = problem.reading_rms(problem.linearised(problem.start())[0])
+    return _result(problem, logs, pairs, slope, before, "direct_search", counted, begun)
+
+
+def pattern_search(cost: Callable[[Array], float], start: Array, first_stride: float, last_stride: float) -> Array:
+    """Hooke and Jeeves' minimum of ``cost`` from ``start`` (n,): explore each coordinate, then repeat what helped.
+
+    The stride halves when no coordinate move helps and the search ends once it is below ``last_stride``.
+    """
+    base, lowest = np.array(start, dtype=float), cost(start)
+    stride = first_stride
+    while stride >= last_stride:
+        point, value = _explore(cost, base, lowest, stride)
+        if value >= lowest:
+            stride /= 2
+            continue
+        while value < lowest:
+            onward = 2 * point - base
+            base, lowest = point, value
+            point, value = _explore(cost, onward, cost(onward), stride)
+    return base
+
+
+def _explore(cost: Callable[[Array], float], point: Array, value: float, stride: float) -> tuple[Array, float]:
+    point = point.copy()
+    for coordinate in range(len(point)):
+        for sign in (1.0, -1.0):
+            trial = point.copy()
+            trial[coordinate] += sign * stride
+            found = cost(trial)
+            if found < value:
+                point, value = trial, found
+                break
+    return point, value
+
+
+def _errors(problem: ContactProblem, jacobian: Array, residual: Array) -> Array:
+    """(n,) standard errors of the logarithms."""
+    return np.sqrt(np.diag(np.linalg.inv(jacobian.T @ jacobian))) * _noise(problem, jacobian, residual)
+
+
+def _noise(problem: ContactProblem, jacobian: Array, residual: Array) -> float:
+    if problem.noise_v is not None:
+        return problem.noise_v
+    return float(np.sqrt(residual @ residual / max(1, jacobian.shape[0] - jacobian.shape[1])))
+
+
+def _result(
+    problem: ContactProblem,
+    logs: Array,
+    pairs: Array,
+    slope: Array,
+    before: float,
+    method: str,
+    evaluations: int,
+    begun: float,
+) -> ContactFit:
+    whiten = problem.protocol.cholesky
+    residual, jacobian = problem.measured() - whiten @ pairs, whiten @ slope
+    noise = _noise(problem, jacobian, residual)
+    covariance = noise**2 * np.asarray(np.linalg.inv(jacobian.T @ jacobian))
+    errors = np.sqrt(np.diag(covariance))
+    contact, sheet = problem.split(logs)
+    freedom = max(1, jacobian.shape[0] - jacobian.shape[1])
+    return ContactFit(
+        contact,
+        contact * errors[: len(contact)],
+        sheet,
+        sheet * float(errors[-1]) if problem.fit_sheet else 0.0,
+        covariance,
+        noise,
+        residual,
+        float(np.sqrt(residual @ residual / freedom)),
+        before,
+        problem.reading_rms(pairs),
+        method,
+        evaluations,
+        time.perf_counter() - begun,
+    )

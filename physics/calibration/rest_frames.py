@@ -1,0 +1,50 @@
+"""The resting skin's mean scan, with a few wild samples bent down."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from physics.protocol import Protocol
+
+Array = NDArray[np.float64]
+
+_BEND = 3.0
+"""Samples further than this many robust sigmas from their median are moved to that distance."""
+
+
+@dataclass(frozen=True, eq=False)
+class RestScan:
+    """Mean readings (K,M) in volt over ``frames`` rest frames.
+
+    ``noise_v`` is the rms of one reading about its mean within a frame, in the 276-fold whitened coordinates: the noise
+    of the mean there is ``noise_v / sqrt(frames)`` when frames are independent. ``nonreciprocal_v`` is the rms of the
+    mean's part that no resistor network could give, per reading.
+    """
+
+    voltage_v: Array
+    frames: int
+    noise_v: float
+    nonreciprocal_v: float
+
+
+def rest_scan(voltage_v: Array, protocol: Protocol) -> RestScan:
+    """Robust mean of rest frames (T,K,M) in volt: each reading's samples are winsorised about their median.
+
+    Frames with a reading that is not finite are left out; raises ``ValueError`` if none remains.
+    """
+    voltage = np.asarray(voltage_v, dtype=float)
+    voltage = voltage[np.isfinite(voltage).all(axis=(1, 2))]
+    if not len(voltage):
+        raise ValueError("no complete rest frame to calibrate on")
+    middle = np.median(voltage, axis=0)
+    spread = 1.4826 * np.median(np.abs(voltage - middle), axis=0)
+    bent = np.clip(voltage, middle - _BEND * spread, middle + _BEND * spread) if len(voltage) > 2 else voltage
+    mean = bent.mean(axis=0)
+    change = (bent - mean).reshape(len(bent), -1) @ protocol.orthonormal
+    noise = np.sqrt((change**2).sum() / change.shape[1] / (len(bent) - 1)) if len(bent) > 1 else np.nan
+    _, rest = protocol.split(mean)
+    left = max(1, mean.size - protocol.orthonormal.shape[1])
+    return RestScan(mean, len(voltage), float(noise), float(np.sqrt((rest**2).sum() / left)))
