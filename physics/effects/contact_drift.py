@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from physics.effects.effect import Array, ElectrodeEffect, parameter
+from physics.effects.effect import Array, ElectrodeEffect
 
 
 @dataclass(frozen=True)

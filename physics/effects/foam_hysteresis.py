@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
+from numba import njit
 
 from physics.effects.effect import Array, FoamEffect, Strokes, parameter
 
@@ -28,9 +29,17 @@ class FoamHysteresis(FoamEffect):
 
     def reaction_n(self, force_n: Array, strokes: Strokes) -> Array:
         log_force = np.log(np.maximum(force_n, _CONTACT))
-        side = np.ones(len(force_n))
-        for t in range(1, len(force_n)):
-            if strokes.touched[t] and strokes.touched[t - 1] and strokes.place[t] == strokes.place[t - 1]:
-                moved = side[t - 1] + 2 * (log_force[t] - log_force[t - 1]) / self.reversal
-                side[t] = min(max(moved, -1.0), 1.0)
-        return force_n * (1 + self.loss * side)
+        goes_on = strokes.touched.copy()
+        goes_on[1:] &= strokes.touched[:-1] & (strokes.place[1:] == strokes.place[:-1])
+        goes_on[:1] = False
+        return force_n * (1 + self.loss * _stop(log_force, goes_on, 2 / self.reversal))
+
+
+@njit(cache=True)
+def _stop(log_force, goes_on, rate):  # type: ignore[no-untyped-def]
+    side = np.ones(len(log_force))
+    for t in range(1, len(log_force)):
+        if goes_on[t]:
+            moved = side[t - 1] + rate * (log_force[t] - log_force[t - 1])
+            side[t] = min(max(moved, -1.0), 1.0)
+    return side

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
+from numba import njit
 
 from physics.effects.effect import Array, FoamEffect, Strokes, parameter
 
@@ -29,20 +30,28 @@ class FoamSoftening(FoamEffect):
     presses: float = parameter("1", 0.05, 50.0, 0.3, 0.3, "presses over which the excess fades", defining=False)
 
     def reaction_n(self, force_n: Array, strokes: Strokes) -> Array:
-        factor = np.ones(len(force_n))
-        deepest: dict[int, float] = {}
-        earlier: dict[int, float] = {}
-        count: dict[int, int] = {}
-        current: dict[int, int] = {}
-        for t in np.flatnonzero(strokes.touched):
-            place, press = int(strokes.place[t]), int(strokes.press[t])
-            if current.get(place) != press:
-                count[place] = count.get(place, -1) + 1
-                earlier[place] = deepest.get(place, 0.0)
-                current[place] = press
-            sink = float(strokes.sink_m[t])
-            virgin = 1.0 if sink > earlier[place] else float(np.exp(-count[place] / self.presses))
-            unloading = sink < deepest.get(place, 0.0) and sink > earlier[place]
-            factor[t] = 1 + self.excess * (virgin * self.kept if unloading else virgin)
-            deepest[place] = max(deepest.get(place, 0.0), sink)
-        return force_n * factor
+        factor = _softened(
+            strokes.sink_m, strokes.touched, strokes.place, strokes.press, self.excess, self.kept, self.presses
+        )
+        return np.asarray(force_n * factor)
+
+
+@njit(cache=True)
+def _softened(sink, touched, place, press, excess, kept, presses):  # type: ignore[no-untyped-def]
+    factor = np.ones(len(sink))
+    places = max(place.max() + 1, 1)
+    deepest, earlier = np.zeros(places), np.zeros(places)
+    count, current = np.full(places, -1), np.full(places, -1)
+    for t in range(len(sink)):
+        if not touched[t]:
+            continue
+        p = place[t]
+        if current[p] != press[t]:
+            count[p] += 1
+            earlier[p] = deepest[p]
+            current[p] = press[t]
+        virgin = 1.0 if sink[t] > earlier[p] else np.exp(-count[p] / presses)
+        unloading = earlier[p] < sink[t] < deepest[p]
+        factor[t] = 1 + excess * (virgin * kept if unloading else virgin)
+        deepest[p] = max(deepest[p], sink[t])
+    return factor

@@ -29,9 +29,13 @@ class ViscoelasticFoam(FoamEffect):
     slow_fraction: float = parameter("1", 0.0, 5.0, 0.0, 0.05, "the same, second term")
     slow_time_s: float = parameter("s", 1.0, 20000.0, 60.0, 10.0, "relaxation time of the second term", defining=False)
 
+    remembers_air: bool = False
+    """Whether what a press left behind goes on into the next; otherwise foam in the air has recovered."""
+
     def reaction_n(self, force_n: Array, strokes: Strokes) -> Array:
         force = force_n.copy()
+        air = None if self.remembers_air else ~strokes.touched
         for fraction, time_s in ((self.fraction, self.time_s), (self.slow_fraction, self.slow_time_s)):
             if fraction > 0:
-                force += fraction * relaxing(force_n, strokes.time_s, time_s)
+                force += fraction * relaxing(force_n, strokes.time_s, time_s, air)
         return np.maximum(force, 0.0)

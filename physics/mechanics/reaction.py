@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from physics.effects.effect import FoamEffect, Strokes
-from physics.history import History
+from physics.history import History, Phase
 
 Array = NDArray[np.float64]
 
 _ROUNDS = 60
-_CLOSE_N = 1e-7
+_CLOSE_N = 1e-6
 PLACE_M = 1e-3
 """Contacts closer together than this press the same spot of foam."""
 
@@ -28,8 +28,8 @@ def foam_force_n(
 ) -> Array:
     """(T,P) force in newton on every contact from the commanded depth, NaN where there is none, 0 in air.
 
-    Pad and support yield in series (paper eq. 4): the sinking s solves F(s history) = support (depth - s), by fixed
-    point with Aitken's acceleration over the whole history. ``depth_m`` (T,P) replaces the history's.
+    Pad and support yield in series (paper eq. 4): the sinking s solves F(s history) = support (depth - s), by relaxed
+    fixed point over the whole history. ``depth_m`` (T,P) replaces the history's.
     """
     depth = history.depth_m if depth_m is None else depth_m
     place = place_numbers(history.contact_m)
@@ -50,29 +50,38 @@ def _column(
     foam_m: float,
     effects: Sequence[FoamEffect],
 ) -> Array:
-    touched = history.touched.any(axis=1) & np.isfinite(depth) & (place >= 0)
-    command = np.where(touched, depth, 0.0)
+    pressing = history.touched.any(axis=1) & np.isfinite(depth) & (place >= 0)
+    source, real, time_s = lift_offs(history.time_s, pressing)
+    touched = pressing[source] & real
+    command = np.where(touched, depth[source], 0.0)
     force = pad * support / (pad + support) * command
+    if effects:
+        relaxation = 1.0 / (1.0 + pad / support)
+        for _ in range(_ROUNDS):
+            sink = np.where(touched, np.maximum(command - force / support, 0.0), 0.0)
+            strokes = Strokes(sink, pad * sink, time_s, touched, place[source], history.press[source], foam_m)
+            reaction = pad * sink
+            for effect in effects:
+                reaction = effect.reaction_n(reaction, strokes)
+            change = relaxation * (np.where(touched, reaction, 0.0) - force)
+            force = force + change
+            if np.abs(change).max(initial=0.0) < _CLOSE_N:
+                break
+    return np.where(pressing | (history.phase == Phase.REST), np.maximum(force, 0.0)[real], np.nan)
 
-    def answer(force_n: Array) -> Array:
-        sink = np.where(touched, np.maximum(command - force_n / support, 0.0), 0.0)
-        strokes = Strokes(sink, pad * sink, history.time_s, touched, place, history.press, foam_m)
-        reaction = pad * sink
-        for effect in effects:
-            reaction = effect.reaction_n(reaction, strokes)
-        return np.where(touched, reaction, 0.0)
 
-    for _ in range(_ROUNDS):
-        once = answer(force)
-        twice = answer(once)
-        bend = twice - 2 * once + force
-        step = np.where(np.abs(bend) > 1e-12, (once - force) ** 2 / np.where(bend == 0, 1.0, bend), 0.0)
-        better = force - step
-        close = np.abs(twice - once).max(initial=0.0) < _CLOSE_N
-        force = np.where(np.abs(bend) > 1e-12, better, twice)
-        if close:
-            break
-    return np.where(touched | (history.phase == 0), np.maximum(force, 0.0), np.nan)
+def lift_offs(time_s: Array, pressing: NDArray[np.bool_]) -> tuple[NDArray[np.intp], NDArray[np.bool_], Array]:
+    """Where a press ends, the moment the indenter is in the air again: (N,) source frames, which are real, and times.
+
+    A recording shows the last frame of a press and, perhaps long after, a rest frame; memories must not take the way
+    between for a slow retreat. The indenter is taken to leave at the pace of the press's last step.
+    """
+    leaves = np.flatnonzero(pressing[:-1] & ~pressing[1:])
+    step = np.minimum(time_s[leaves] - time_s[np.maximum(leaves - 1, 0)], time_s[leaves + 1] - time_s[leaves])
+    source = np.insert(np.arange(len(time_s)), leaves + 1, leaves)
+    real = np.insert(np.ones(len(time_s), dtype=bool), leaves + 1, False)
+    times = np.insert(time_s, leaves + 1, time_s[leaves] + 0.999 * np.maximum(step, 0.0))
+    return source, real, times
 
 
 def place_numbers(contact_m: Array) -> NDArray[np.intp]:

@@ -1,0 +1,394 @@
+"""A skin linearised about the states its recording visits: scans for other parameters without solving again.
+
+What a parameter does to the sheet's conductance near the contacts is computed exactly, on a small grid around them;
+only conduction is linear, about a solution of the nearest state. Everything is in whitened coordinates (volt).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ertskin.diagnosis.sensitivity import Hats, PadRims, model_elements, sheet_sensitivity, whitening_of_transfer
+from physics.conduction.sheet import SheetModel, Solution
+from physics.effects.effect import SheetEffect
+from physics.effects.scan_skew import ScanSkew
+from physics.effects.sheet_anisotropy import SheetAnisotropy
+from physics.effects.sheet_inhomogeneity import SheetInhomogeneity
+from physics.history import History
+from physics.protocol import Protocol
+from physics.skin import SKEW_NODES, TAIL, Skin, lagrange_weights
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+GRID_M = 1.5e-3
+ALIKE = 0.04
+"""States whose changes of conductance differ by less than this part share a solution."""
+COARSE_GRID_M = 0.01
+SHEET_TENSORS = np.array([[1.0, 0.0, 1.0], [0.5, 0.0, -0.5], [0.0, 0.5, 0.0]])
+"""Scalar change of conductance and the two derivatives of the anisotropic tensor at isotropy."""
+
+Progress = Callable[[float, str], None]
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """One solution: whitened scan (P,) in volt and its derivatives.
+
+    ``local`` (P,G) by the relative conductance on the patch's grid; ``contact`` (P,L) by the contact resistances, volt
+    per ohm; ``pads`` (P,L,2) by their shifts, volt per metre; ``sheet`` (3,P,H) by relative conductance and anisotropy
+    on the coarse grid over the whole sheet.
+    """
+
+    scan: Array
+    relative: Array
+    contact_ohm: Array
+    local: NDArray[np.float32]
+    contact: Array
+    pads: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Patch:
+    """The surroundings of one set of contacts.
+
+    ``rows`` (m,) frames with these contacts; ``frames`` (n,) frames that count for memories there; ``grid_m`` (G,2);
+    ``states`` the solutions and ``state_of`` (m,) which one each row uses.
+    """
+
+    rows: Indices
+    frames: Indices
+    kept: Indices
+    hats: Hats
+    inside: Indices
+    states: list[State]
+    state_of: Indices
+
+    @property
+    def grid_m(self) -> Array:
+        """(G,2) nodes of the grid."""
+        return self.hats.node_m[self.inside]
+
+
+class LinearSkin:
+    """Whitened scans of a history for any calibration and effects near those of ``skin``."""
+
+    def __init__(self, skin: Skin, history: History, force_n: Array, progress: Progress | None = None) -> None:
+        self.skin = skin
+        self.history = history
+        self.force_n = force_n
+        self.protocol = skin.protocol
+        self._whitening = whitening_of_transfer(skin.protocol)
+        self._contact = skin.contact_m(history.contact_m)
+        self._rims = PadRims(skin.sheet)
+        self._points = skin.sheet.quadrature_m.reshape(-1, 2)
+        self._tensor = _tensor_of(skin.effects)
+        self._field = _log_field(skin.effects, self._points, skin.sensor.extent_m)
+        self._rest = self._solve(self._rest_relative, skin.contact_resistance_ohm)
+        self._contacts_now = self._contact_ohm(skin, force_n) / self._drift(skin)[:, None]
+        self.patches = self._build(progress or (lambda share, text: None))
+
+    # building ------------------------------------------------------------------------------------------------------
+
+    @cached_property
+    def _rest_relative(self) -> Array:
+        return np.ones(len(self._points))
+
+    def _solve(self, relative: Array, contact_ohm: Array, base: Solution | None = None) -> Solution:
+        """Solution for a relative conductance (E*Q,) of the sheet, the skin's own tensor and field included."""
+        conductance = (relative * np.exp(-self._field) / self.skin.piezo.zero_ohm_sq).reshape(
+            self.skin.sheet.weight_m2.shape
+        )
+        if self._isotropic and base is not None and np.array_equal(base.contact_resistance_ohm, contact_ohm):
+            if np.array_equal(conductance, base.conductivity_s):
+                return base
+            return self.skin.sheet.solve_again(conductance, base)
+        shaped = conductance if self._isotropic else conductance[..., None] * self._tensor
+        return self.skin.sheet.solve(shaped, contact_ohm)
+
+    @property
+    def _isotropic(self) -> bool:
+        return bool(np.array_equal(self._tensor, [1.0, 0.0, 1.0]))
+
+    def _build(self, progress: Progress) -> list[Patch]:
+        groups = contact_groups(self._contact, self.force_n)
+        done = 0
+
+        def one(rows: Indices) -> Patch:
+            nonlocal done
+            patch = self._patch(rows)
+            done += 1
+            progress(done / len(groups), f"linearised {done} of {len(groups)} places")
+            return patch
+
+        with ThreadPoolExecutor(max_workers=2) as pool:
+            return list(pool.map(one, groups))
+
+    def _patch(self, rows: Indices) -> Patch:
+        present = _present(self._contact, self.force_n)
+        spots = self._contact[rows[0]][present[rows[0]]]
+        reach = self.skin.pressure.radius_m(TAIL)
+        near = _within(self._points, spots, reach)
+        elements = model_elements(self.skin.sheet, near)
+        if len(spots):
+            low = np.maximum(spots.min(axis=0) - reach, self.skin.sensor.extent_m[0])
+            high = np.minimum(spots.max(axis=0) + reach, self.skin.sensor.extent_m[1])
+        else:
+            low, high = self.skin.sensor.extent_m[0], self.skin.sensor.extent_m[0] + GRID_M
+        hats = Hats(low, high, GRID_M)
+        inside = np.flatnonzero(_within(hats.node_m, spots, reach + 2 * GRID_M))
+        frames = _memory_frames(self._contact, self.force_n, spots, reach)
+        patch = Patch(rows, frames, np.searchsorted(frames, rows), hats, inside, [], np.zeros(len(rows), dtype=np.intp))
+        relative = self._relative(self.skin, self.force_n, patch)
+        contacts = self._contacts_now[rows]
+        state_of, leaders = _alike(relative, contacts, self.skin.contact_resistance_ohm)
+        states = [self._state(patch, elements, relative[k], contacts[k], int(rows[k]), spots) for k in leaders]
+        return replace(patch, states=states, state_of=state_of)
+
+    def _state(
+        self, patch: Patch, elements: Indices, relative: Array, contact_ohm: Array, row: int, spots: Array
+    ) -> State:
+        sheet = self._rest_relative
+        per = self.skin.sheet.weight_m2.shape[1]
+        points = (elements[:, None] * per + np.arange(per)).ravel()
+        if len(spots):
+            sheet = sheet.copy()
+            close = points[_within(self._points[points], spots, self.skin.pressure.radius_m(TAIL))]
+            sheet[close] = self._relative_at(self.skin, self.force_n, self._points[close], patch.frames)[
+                np.searchsorted(patch.frames, row)
+            ]
+        unmoved = np.abs(contact_ohm / self.skin.contact_resistance_ohm - 1).max() < 2e-3
+        used = self.skin.contact_resistance_ohm if unmoved else contact_ohm
+        solution = self._solve(sheet, used, self._rest if unmoved else None)
+        hats = patch.hats.values(self._points[points])[patch.inside]
+        scale = np.exp(-self._field[points]) / self.skin.piezo.zero_ohm_sq
+        local = sheet_sensitivity(solution, elements, hats, self._whitening, self._tensor[None], scale)[0]
+        return State(
+            self.protocol.whitened(solution.pair_resistance_ohm),
+            relative,
+            used,
+            local.astype(np.float32),
+            self.protocol.whitened(solution.jacobian_contact_resistance().T).T,
+            self._rims.sensitivity(solution, self.protocol),
+        )
+
+    # whole-sheet derivatives, on a coarser mesh: they're large only where the model is far off --------------------------
+
+    @cached_property
+    def sheet_hats(self) -> Hats:
+        """Coarse grid over the whole sheet on which its own field and anisotropy are resolved."""
+        low, high = self.skin.sensor.extent_m
+        return Hats(low, high, COARSE_GRID_M)
+
+    @cached_property
+    def sheet_derivatives(self) -> list[list[Array]]:
+        """Per patch, (3,P,H) derivatives at rest and (but for the resting patch) under the strongest press."""
+        elements = np.arange(len(self.skin.sheet.weight_m2))
+        hats = self.sheet_hats.values(self._points)
+        scale = np.exp(-self._field) / self.skin.piezo.zero_ohm_sq
+
+        def derivative(relative: Array) -> Array:
+            solution = self._solve(relative, self.skin.contact_resistance_ohm, self._rest)
+            return sheet_sensitivity(solution, elements, hats, self._whitening, SHEET_TENSORS, scale * relative)
+
+        def strongest(patch: Patch) -> Array:
+            spots = self._contact[patch.rows[0]][_present(self._contact, self.force_n)[patch.rows[0]]]
+            if not len(spots):
+                return derivative(self._rest_relative)
+            close = np.flatnonzero(_within(self._points, spots, self.skin.pressure.radius_m(TAIL)))
+            row = patch.rows[int(np.argmax([np.abs(s.relative - 1).sum() for s in patch.states])) * 0]
+            signal = np.array([np.abs(patch.states[k].relative - 1).sum() for k in patch.state_of])
+            row = patch.rows[int(signal.argmax())]
+            sheet = self._rest_relative.copy()
+            values = self._relative_at(self.skin, self.force_n, self._points[close], patch.frames)
+            sheet[close] = values[np.searchsorted(patch.frames, row)]
+            return derivative(sheet)
+
+        rest = derivative(self._rest_relative)
+        with ThreadPoolExecutor(max_workers=2) as pool:
+            return [[rest, top] for top in pool.map(strongest, self.patches)]
+
+    def sheet_change(self, patch_number: int, state: int, change: Array) -> Array:
+        """(P,) change of the scan for coarse-grid changes (3,H) of relative conductance and anisotropy."""
+        rest, top = self.sheet_derivatives[patch_number]
+        patch = self.patches[patch_number]
+        signal = np.array([np.abs(s.relative - 1).sum() for s in patch.states])
+        share = signal[state] / signal.max() if signal.max() > 0 else 0.0
+        return np.einsum("cph,ch->p", (1 - share) * rest + share * top, change)
+
+    # evaluating ----------------------------------------------------------------------------------------------------
+
+    def scans(self, skin: Skin, force_n: Array | None = None) -> Array:
+        """(T,P) whitened scans of the history for another calibration and other effects, scan skew included."""
+        force = self.force_n if force_n is None else force_n
+        skew = [e for e in skin.effects if isinstance(e, ScanSkew) and e.speed_m_per_s > 0]
+        if not skew or self.protocol.injection_offset_s is None:
+            return self.still_scans(skin, force)
+        moments, mixing = self.skew_mixing
+        return sum(still @ mix.T for still, mix in zip(self.skewed(skin, skew[0], force, moments), mixing, strict=True))  # type: ignore[return-value]
+
+    def skewed(self, skin: Skin, skew: ScanSkew, force_n: Array, moments: Array) -> list[Array]:
+        """Whitened scans (T,P) the skin would give standing still at each of the moments (S,) of its motion."""
+        at_rest = skin.force_n(self.history)
+        depth = skew.depth_m(self.history, moments)
+        result = []
+        for s in range(len(moments)):
+            moved = skin.force_n(self.history, depth[:, s])
+            scale = np.where(at_rest > 0, moved / np.where(at_rest > 0, at_rest, 1.0), 1.0)
+            result.append(self.still_scans(skin, force_n * scale))
+        return result
+
+    @cached_property
+    def skew_mixing(self) -> tuple[Array, list[Array]]:
+        """Moments (S,) of a scan and, for each, the (P,P) part it has in the scan's reciprocal coordinates."""
+        offset = np.asarray(self.protocol.injection_offset_s)
+        moments = np.linspace(offset.min(), offset.max(), SKEW_NODES)
+        weights = lagrange_weights(moments, offset)
+        basis = self.protocol.orthonormal
+        readings = self.protocol.shape[1]
+        mixing = [basis.T @ (np.repeat(weights[:, s], readings)[:, None] * basis) for s in range(SKEW_NODES)]
+        return moments, mixing
+
+    def still_scans(self, skin: Skin, force_n: Array) -> Array:
+        """(T,P) whitened scans, every scan taken in an instant."""
+        result = np.empty((len(self.history), self.protocol.orthonormal.shape[1]))
+        factor = skin.piezo.zero_ohm_sq / self.skin.piezo.zero_ohm_sq * self._drift(skin)
+        contacts = self._contact_ohm(skin, force_n) / factor[:, None]
+        coarse = self._coarse_change(skin)
+        moved = _pad_shifts(skin) - _pad_shifts(self.skin)
+        for number, patch in enumerate(self.patches):
+            relative = self._relative(skin, force_n, patch)
+            extra = self._local_field(skin, patch)
+            for k, state in enumerate(patch.states):
+                mine = np.flatnonzero(patch.state_of == k)
+                rows = patch.rows[mine]
+                scan = state.scan + (relative[mine] * extra - state.relative * extra) @ state.local.T.astype(float)
+                scan += (contacts[rows] - state.contact_ohm) @ state.contact.T
+                if coarse is not None:
+                    scan += self.sheet_change(number, k, coarse)
+                if moved.any():
+                    scan += np.einsum("plc,lc->p", state.pads, moved)
+                result[rows] = factor[rows, None] * scan
+        return result
+
+    def _coarse_change(self, skin: Skin) -> Array | None:
+        now = _tensor_strength(skin.effects) - _tensor_strength(self.skin.effects)
+        extent = skin.sensor.extent_m
+        field = _log_field(skin.effects, self.sheet_hats.node_m, extent)
+        field = field - _log_field(self.skin.effects, self.sheet_hats.node_m, extent)
+        if not now.any() and not field.any():
+            return None
+        return np.stack([np.expm1(-field), np.full(len(field), now[0]), np.full(len(field), now[1])])
+
+    def _local_field(self, skin: Skin, patch: Patch) -> Array:
+        extent = skin.sensor.extent_m
+        change = _log_field(skin.effects, patch.grid_m, extent) - _log_field(self.skin.effects, patch.grid_m, extent)
+        return np.exp(-change)
+
+    def _relative(self, skin: Skin, force_n: Array, patch: Patch) -> Array:
+        """(m,G) conductance on the patch's grid over that at rest, for the rows of the patch."""
+        if not len(patch.inside):
+            return np.zeros((len(patch.rows), 0))
+        return self._relative_at(skin, force_n, patch.grid_m, patch.frames)[patch.kept]
+
+    def _relative_at(self, skin: Skin, force_n: Array, position_m: Array, frames: Indices) -> Array:
+        contact = skin.contact_m(self.history.contact_m[frames])
+        pressure = skin.pressure_pa(position_m, contact, force_n[frames])
+        effective = skin.effective_pressure_pa(pressure, position_m, self.history.time_s[frames])
+        return np.asarray(skin.piezo.zero_ohm_sq / skin.piezo.sheet_resistance_ohm_sq(effective))
+
+    def _contact_ohm(self, skin: Skin, force_n: Array) -> Array:
+        pads = skin.pad_sample_m
+        contact = skin.contact_m(self.history.contact_m)
+        on_pads = skin.pressure_pa(pads.reshape(-1, 2), contact, force_n)
+        return skin.contact_resistances_ohm(
+            self.history.time_s, on_pads.reshape(len(force_n), len(pads), -1).mean(axis=2)
+        )
+
+    def _drift(self, skin: Skin) -> Array:
+        return skin.drift(self.history.time_s)
+
+
+def contact_groups(contact_m: Array, force_n: Array) -> list[Indices]:
+    """Frames (in recording order) that share the same contacts."""
+    key = np.where(_present(contact_m, force_n)[..., None], np.round(contact_m, 9), np.inf).reshape(len(contact_m), -1)
+    number = np.unique(key, axis=0, return_inverse=True)[1].ravel()
+    return [np.flatnonzero(number == n) for n in range(number.max() + 1)]
+
+
+def _present(contact_m: Array, force_n: Array) -> NDArray[np.bool_]:
+    return np.asarray(np.isfinite(contact_m).all(axis=-1) & (np.nan_to_num(force_n) > 0))
+
+
+def _within(position_m: Array, spots: Array, reach_m: float) -> NDArray[np.bool_]:
+    near = np.zeros(len(position_m), dtype=bool)
+    for spot in spots:
+        near |= ((position_m - spot) ** 2).sum(axis=1) < reach_m**2
+    return near
+
+
+def _memory_frames(contact_m: Array, force_n: Array, spots: Array, reach_m: float) -> Indices:
+    close = ~_present(contact_m, force_n).any(axis=1)
+    for spot in spots:
+        apart = np.nan_to_num(np.hypot(*np.moveaxis(contact_m - spot, -1, 0)), nan=np.inf)
+        close |= (apart < 1.5 * reach_m).any(axis=1)
+    return np.flatnonzero(close)
+
+
+def _alike(relative: Array, contacts: Array, usual: Array) -> tuple[Indices, list[int]]:
+    """Which leader each row follows, and the rows that lead."""
+    if not relative.shape[1]:
+        return np.zeros(len(relative), dtype=np.intp), [0]
+    change = np.hstack([relative - 1, 0.2 * (contacts / usual - 1)])
+    size = np.sqrt((change**2).sum(axis=1))
+    leaders: list[int] = []
+    state_of = np.zeros(len(relative), dtype=np.intp)
+    for k in range(len(relative)):
+        if leaders:
+            apart = np.sqrt(((change[leaders] - change[k]) ** 2).sum(axis=1))
+            nearest = int(apart.argmin())
+            if apart[nearest] < ALIKE * max(size[k], 1e-6):
+                state_of[k] = nearest
+                continue
+        state_of[k] = len(leaders)
+        leaders.append(k)
+    return state_of, leaders
+
+
+def _tensor_of(effects: Sequence[object]) -> Array:
+    for effect in effects:
+        if isinstance(effect, SheetAnisotropy):
+            return effect.tensor()
+    return np.array([1.0, 0.0, 1.0])
+
+
+def _tensor_strength(effects: Sequence[object]) -> Array:
+    for effect in effects:
+        if isinstance(effect, SheetAnisotropy):
+            return np.array([effect.stretch_x, effect.stretch_diagonal])
+    return np.zeros(2)
+
+
+def _log_field(effects: Sequence[object], position_m: Array, extent_m: Array) -> Array:
+    total = np.zeros(len(position_m))
+    for effect in effects:
+        if isinstance(effect, SheetInhomogeneity):
+            total += effect.log_resistance(position_m, extent_m)
+    return total
+
+
+def _pad_shifts(skin: Skin) -> Array:
+    nominal = np.zeros((skin.protocol.electrodes, 2))
+    for effect in skin.effects:
+        if effect.name == "electrode_displacement":
+            nominal[effect.electrode] += (effect.dx_m, effect.dy_m)  # type: ignore[attr-defined]
+    return nominal
+
+
+__all__ = ["LinearSkin", "Protocol", "SheetEffect", "SheetModel", "contact_groups"]
