@@ -28,7 +28,7 @@ class TrialSet:
     force_map_n: Array
     contact_m: Array
     force_n: Array
-    measured_v: Array | None = None
+    measured_v: NDArray[np.floating] | None = None
 
     def __post_init__(self) -> None:
         lengths = {f.name: len(value) for f in fields(self) if (value := getattr(self, f.name)) is not None}

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import base64
 import io
+import os
+from pathlib import Path
 
 from matplotlib.figure import Figure
 
@@ -18,3 +20,12 @@ def png(figure: Figure) -> bytes:
 def data_uri(figure: Figure) -> str:
     """The PNG as a ``data:`` address."""
     return "data:image/png;base64," + base64.b64encode(png(figure)).decode()
+
+
+def save_png(figure: Figure, path: Path) -> Path:
+    """Write the PNG aside and rename it into place; returns ``path``."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    aside = path.with_suffix(f".{os.getpid()}.tmp")
+    aside.write_bytes(png(figure))
+    os.replace(aside, path)
+    return path

@@ -1,0 +1,99 @@
+"""The material of a training: trials simulated on the calibrated skin, and what its recording adds."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any
+
+import hydra
+import numpy as np
+from numpy.typing import NDArray
+from omegaconf import DictConfig, OmegaConf
+
+from ertskin.calibration.ready import ready_calibration
+from ertskin.data.discrepancy import Discrepancy
+from ertskin.data.grid import grid_m, spacing_m
+from ertskin.data.material import Material
+from ertskin.data.noise import Evidence
+from ertskin.data.shards import request_key
+from ertskin.data.skin_forward import SkinForward
+from ertskin.data.synthesis import Plan, synthesize
+from ertskin.data.touches import Touches, touches_of
+from ertskin.data.trials import TrialSet, joined
+from ertskin.errors import UserError
+from ertskin.progress import counting
+from hardware.recording import Recording, read_recording
+from physics.history import Phase
+
+Array = NDArray[np.float64]
+
+OWN = 0.25
+"""A press belongs to a taxel if it lands within this part of the taxels' spacing."""
+
+
+def simulated(config: DictConfig) -> Material:
+    """Calibrate and synthesize, unless that is done, and add what the recording says of noise and discrepancy.
+
+    The real one-point presses teach the denoiser; for a model without one they correct the trials instead, where
+    ``data.discrepancy`` asks for it.
+    """
+    recording = read_recording(config.recording)
+    trials, denoiser, checksum, forward = simulated_trials(config, recording)
+    build_noise = hydra.utils.instantiate(config.noise)
+    taxel_m, protocol = grid_m(config.grid, forward.calibration.sensor), forward.protocol
+    if recording.frames is None:
+        return Material(protocol, taxel_m, trials, build_noise(Evidence(protocol)), checksum, denoiser)
+    touches = touches_of(recording)
+    real = rising(touches)
+    changes_ohm = forward.change_ohm(real.history.contact_m, real.history.force_n)
+    residual_v = real.readings_v.reshape(-1, *protocol.shape) - protocol.readings(changes_ohm)
+    noise = build_noise(Evidence(protocol, touches.rest_v, residual_v if len(real) > 1 else None))
+    blank = np.zeros((len(real), len(taxel_m)))  # a denoiser learns readings, no forces
+    pairs = TrialSet(changes_ohm, blank, real.history.contact_m, real.history.force_n, real.readings_v)
+    material = Material(protocol, taxel_m, trials, noise, checksum, joined([pairs, denoiser]))
+    if config.data.discrepancy and config.model.denoiser is None and len(real):
+        return _corrected(material, real, changes_ohm)
+    return material
+
+
+def simulated_trials(config: DictConfig, recording: Recording) -> tuple[TrialSet, TrialSet, str, SkinForward]:
+    """Trials for the network and the denoiser, their checksum, and the forward model they come from."""
+    if recording.protocol is None:
+        raise UserError(f"{config.recording}: has no /protocol, so its readings can't be simulated")
+    calibration, checksum = ready_calibration(config, recording)
+    taxel_m = grid_m(config.grid, calibration.sensor)
+    plan = Plan(**plain(config.data.plan))
+    forward = SkinForward(calibration, recording.protocol, plain(config.effects), config.physics.resolution)
+    request = {"calibration": checksum, "effects": forward.effects, "resolution": forward.resolution}
+    key = request_key({**request, "plan": asdict(plan), "taxel_m": taxel_m.tolist()})
+    with counting("synthesizing trials") as progress:
+        cluster = hydra.utils.instantiate(config.cluster)
+        made = synthesize(Path(config.data.folder) / key, request, plan, taxel_m, lambda: forward, cluster, progress)
+    return *made, forward
+
+
+def plain(config: DictConfig) -> dict[str, Any]:
+    """A config as plain data."""
+    return dict(OmegaConf.to_container(config, resolve=True))  # type: ignore[arg-type]
+
+
+def rising(touches: Touches) -> Touches:
+    """The frames of one-point presses whose force is not falling: a touch is read as it comes."""
+    phase = touches.history.phase
+    single = touches.history.touched.sum(axis=1) == 1
+    return touches[np.flatnonzero(single & ((phase == Phase.LOADING) | (phase == Phase.HOLD)))]
+
+
+def _corrected(material: Material, real: Touches, changes_ohm: Array) -> Material:
+    """The trials with the discrepancy of the recorded places added."""
+    protocol = material.protocol
+    residual_v = real.change_v - protocol.whitened(changes_ohm)
+    noise_v = float(np.sqrt(np.median(np.diag(material.noise.covariance_v2)))) or float(residual_v.std())
+    place_m, force_n = real.history.contact_m[:, 0], real.history.force_n[:, 0]
+    found = Discrepancy.fit(place_m, force_n, residual_v, noise_v, OWN * spacing_m(material.taxel_m))
+    trials = material.trials
+    added_ohm = protocol.unwhitened(found.of(trials.contact_m, trials.force_n))
+    key = hashlib.sha256(material.checksum.encode() + residual_v.tobytes()).hexdigest()
+    return replace(material, trials=replace(trials, change_ohm=trials.change_ohm + added_ohm), checksum=key)
