@@ -50,9 +50,13 @@ class Scan:
 
 
 class Stage(Protocol):
-    """A three-axis stage. Positions (3,) in metres in its own frame, z upward."""
+    """A three-axis stage. Positions (3,) in metres in its own frame, z upward.
+
+    ``trusted``: whether it is known where the stage is; homing makes it so, a reset or lost contact ends it.
+    """
 
     travel: Travel
+    trusted: bool
 
     def identify(self) -> str:
         """The device's name for itself; raises ``InstrumentError`` where it is another kind of device."""
@@ -106,6 +110,10 @@ class LoadCell(Protocol):
         """Forget samples that have arrived: the next one is fresh."""
         ...
 
+    def restore(self) -> None:
+        """After a failure: open the line anew where contact was lost; raises ``LostContact`` where it stays lost."""
+        ...
+
     def close(self) -> None:
         """Let go of the line."""
         ...
@@ -126,6 +134,10 @@ class ErtReader(Protocol):
 
     def finish(self, timeout_s: float) -> Scan:
         """The scan asked for; raises ``NoAnswer`` after ``timeout_s``. A damaged scan is never handed out."""
+        ...
+
+    def restore(self) -> None:
+        """After a failure: open the line anew where contact was lost; raises ``LostContact`` where it stays lost."""
         ...
 
     def close(self) -> None:

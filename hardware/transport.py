@@ -13,6 +13,8 @@ from hardware.failure import InstrumentError, LostContact, NoAnswer
 
 WRITE_TIMEOUT_S = 2.0
 LONGEST_LINE = 1 << 16
+RECONNECT_S = 10.0
+"""How long a line that was lost is tried again."""
 
 
 class Transport(Protocol):
@@ -38,6 +40,13 @@ class Transport(Protocol):
 
     def reopen(self) -> None:
         """Open the line anew; raises ``LostContact`` where there is nothing to open."""
+        ...
+
+    def restore(self, timeout_s: float) -> bool:
+        """Where contact is lost, try to open the line anew for so long; whether that was needed.
+
+        Raises ``LostContact`` where it did not succeed.
+        """
         ...
 
     def close(self) -> None:
@@ -86,6 +95,21 @@ class SerialTransport:
             self._serial = serial.Serial(device, self._baud, timeout=0, write_timeout=WRITE_TIMEOUT_S, exclusive=True)
         except (serial.SerialException, OSError, ValueError) as error:
             raise LostContact(f"{self.name}: can't be opened ({_reason(error)})") from None
+
+    def restore(self, timeout_s: float) -> bool:
+        """Where contact is lost, try to open the port anew for so long."""
+        with contextlib.suppress(LostContact):
+            self.discard()
+            return False
+        deadline = self.clock.now() + timeout_s
+        while True:
+            try:
+                self.reopen()
+                return True
+            except LostContact:
+                if self.clock.now() >= deadline:
+                    raise
+            self.clock.sleep(0.25)
 
     def write(self, data: bytes) -> None:
         """Send all of ``data``."""

@@ -9,7 +9,7 @@ import numpy as np
 from hardware.ert_readers.frame import Flag, Frame, FrameParser, Type, identity_of, scan_of
 from hardware.failure import NoAnswer, Refusal
 from hardware.instrument import Scan
-from hardware.transport import Transport
+from hardware.transport import RECONNECT_S, Transport
 
 ANSWER_S = 2.0
 REPEATS = 4
@@ -109,6 +109,11 @@ class ErtLink:
             self._ask()
         self._in_step = False
         raise NoAnswer(f"{self._name}: no whole scan within {timeout_s:g} s")
+
+    def restore(self) -> None:
+        """Open the port anew where contact was lost, and fall in step with the device."""
+        self._transport.restore(RECONNECT_S)
+        self.identify()
 
     def close(self) -> None:
         """Let go of the port."""

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from hardware.failure import NoAnswer, Refusal
 from hardware.instrument import Scan
-from hardware.transport import Lines, Transport
+from hardware.transport import RECONNECT_S, Lines, Transport
 
 
 class TextReader:
@@ -77,6 +77,11 @@ class TextReader:
         lost, self._lost = self._lost, 0
         voltage = (self._volts_per_unit * before).astype(np.float32).reshape(self.shape)
         return Scan(began, voltage, lost=lost)
+
+    def restore(self) -> None:
+        """Open the port anew where contact was lost."""
+        self._transport.restore(RECONNECT_S)
+        self.identify()
 
     def close(self) -> None:
         """Let go of the port."""

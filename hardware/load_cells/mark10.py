@@ -12,9 +12,11 @@ import re
 from hardware.failure import NoAnswer, Refusal
 from hardware.instrument import Force
 from hardware.load_cells.units import NEWTON_PER_UNIT
-from hardware.transport import Lines, Transport
+from hardware.transport import RECONNECT_S, Lines, Transport
 
 ANSWER_S = 0.3
+PERIOD_S = 0.05
+"""Asked no more often than twenty times a second."""
 _READING = re.compile(r"([+-]?\d{1,5}(?:\.\d{1,4})?) (N|mN|kN|lbF|ozF|kgF|gF)")
 _ERROR = re.compile(r"\*(?:10|11|12|22)")
 
@@ -31,6 +33,7 @@ class Mark10:
     def __init__(self, transport: Transport) -> None:
         """The gauge must be set to send units, which it does by default."""
         self.garbled = 0
+        self._asked_s = -PERIOD_S
         self._transport = transport
         self._lines = Lines(transport, longest=256)
 
@@ -47,6 +50,8 @@ class Mark10:
         clock = self._transport.clock
         deadline = clock.now() + timeout_s
         while clock.now() < deadline:
+            clock.sleep(min(self._asked_s + PERIOD_S, deadline) - clock.now())
+            self._asked_s = clock.now()
             self._transport.write(b"?\r")
             patience = min(deadline, clock.now() + ANSWER_S)
             line = self._lines.next(patience - clock.now())
@@ -64,6 +69,11 @@ class Mark10:
     def discard(self) -> None:
         """Forget answers that came late."""
         self._lines.discard()
+
+    def restore(self) -> None:
+        """Open the port anew where contact was lost."""
+        self._transport.restore(RECONNECT_S)
+        self.discard()
 
     def close(self) -> None:
         """Let go of the port."""

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 from hardware.failure import NoAnswer, Refusal
 from hardware.instrument import Force
-from hardware.transport import Lines, Transport
+from hardware.transport import RECONNECT_S, Lines, Transport
 
 
 class StreamingCell:
@@ -49,6 +49,11 @@ class StreamingCell:
         """Forget samples that have arrived."""
         self._lines.discard()
         self._joined = False
+
+    def restore(self) -> None:
+        """Open the port anew where contact was lost."""
+        self._transport.restore(RECONNECT_S)
+        self.discard()
 
     def close(self) -> None:
         """Let go of the port."""

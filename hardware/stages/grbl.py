@@ -12,16 +12,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hardware.failure import LimitExceeded, LostContact, NoAnswer, Refusal
+from hardware.failure import LimitExceeded, NoAnswer, Refusal
 from hardware.instrument import Array, Travel
-from hardware.transport import Lines, Transport
+from hardware.transport import RECONNECT_S, Lines, Transport
 
 BUFFER_BYTES = 128
 STATUS_PERIOD_S = 0.2
 ANSWER_S = 2.0
 BANNER_S = 3.0
 HOMING_S = 90.0
-RECONNECT_S = 10.0
 TOLERANCE_M = 15e-6
 STATES = frozenset({"Idle", "Run", "Hold", "Jog", "Alarm", "Door", "Check", "Home", "Sleep"})
 _NUMBER = r"-?\d{1,6}(?:\.\d{1,4})?"
@@ -70,6 +69,7 @@ class Grbl:
         self._clock = transport.clock
         self._lines = Lines(transport)
         self._target_m: Array | None = None
+        self._arrived_m: Array | None = None
         self._idle_elsewhere = 0
         self._offset_m: Array | None = None
         self._last_status_s = -np.inf
@@ -87,6 +87,7 @@ class Grbl:
 
     def home(self) -> None:
         """Run the homing cycle; the position is trusted from then on."""
+        self._arrived_m = None
         self._command("$H", HOMING_S)
         self._command("G21 G90 G94")
         self.trusted = True
@@ -94,20 +95,18 @@ class Grbl:
     def position_m(self) -> Array:
         """(3,) machine position."""
         for _ in range(40):
-            status = self._status()
-            if status.offset_m is not None:
-                self._offset_m = status.offset_m
-            if status.machine_m is not None:
-                return status.machine_m
-            if status.work_m is not None and self._offset_m is not None:
-                return status.work_m + self._offset_m
+            place = self._place_m(self._status())
+            if place is not None:
+                return place
         raise NoAnswer(f"{self._name}: reports work positions without ever telling their offset")
 
     def start_move(self, target_m: Array, speed_m_s: float) -> float:
         """Begin a straight move in machine coordinates."""
         if not self.travel.holds(target_m):
             raise LimitExceeded(f"{self._name}: {_millimetres(target_m)} mm lies outside the stage's travel")
-        distance = float(np.linalg.norm(target_m - self.position_m()))
+        start = self.position_m() if self._arrived_m is None else self._arrived_m
+        distance = float(np.linalg.norm(target_m - start))
+        self._arrived_m = None
         x, y, z = 1e3 * target_m
         self._target_m = target_m
         self._idle_elsewhere = 0
@@ -122,7 +121,10 @@ class Grbl:
             raise Refusal(f"{self._name}: stopped, state {status.state}")
         if status.state != "Idle" or self._target_m is None:
             return status.state in ("Run", "Hold", "Jog", "Home")
-        if np.abs(self.position_m() - self._target_m).max() <= TOLERANCE_M:
+        place = self._place_m(status)
+        place = self.position_m() if place is None else place
+        if np.abs(place - self._target_m).max() <= TOLERANCE_M:
+            self._arrived_m = place
             return False
         # Just after its ok a move may not have begun.
         self._idle_elsewhere += 1
@@ -144,17 +146,26 @@ class Grbl:
 
     def recover(self) -> None:
         """Reopen the port if it must be, soft reset, unlock."""
-        self._reconnect()
+        if self._transport.restore(RECONNECT_S):
+            self.trusted = False
+            self._lines = Lines(self._transport)
         self._reset()
         self._command("$X")
         self._command("G21 G90 G94")
 
     def raise_by(self, height_m: float, speed_m_s: float) -> None:
-        """Straight up, relative to wherever the stage is."""
-        height_m = max(0.0, min(height_m, self.travel.high_m[2] - float(self.position_m()[2])))
-        if height_m == 0.0:
+        """Straight up, relative to wherever the stage is.
+
+        Where the position is lost, GRBL may take the present place for the top of its travel and refuse to rise:
+        homing, which lifts z first, is then the way up, and a relative move only where homing is off.
+        """
+        if not self.trusted and self._homed():
             return
-        self._target_m = None
+        if self.trusted:
+            height_m = min(height_m, self.travel.high_m[2] - float(self.position_m()[2]))
+        if height_m <= 0.0:
+            return
+        self._target_m = self._arrived_m = None
         self._command(f"G91 G1 Z{1e3 * height_m:.3f} F{6e4 * speed_m_s:.1f}")
         try:
             # A dwell of nothing is answered when the planner is empty.
@@ -212,10 +223,27 @@ class Grbl:
                 self._raise_if_stopped(line, "?")
         raise NoAnswer(f"{self._name}: no status report")
 
+    def _place_m(self, status: Status) -> Array | None:
+        """(3,) the machine position a report tells, None where it is a work position of unknown offset."""
+        if status.offset_m is not None:
+            self._offset_m = status.offset_m
+        if status.machine_m is not None or status.work_m is None or self._offset_m is None:
+            return status.machine_m
+        return status.work_m + self._offset_m
+
+    def _homed(self) -> bool:
+        try:
+            self.home()
+        except Refusal as refusal:
+            if "error:5 " in str(refusal):
+                return False
+            raise
+        return True
+
     def _reset(self) -> None:
         """Soft reset; returns at the banner."""
         self._lines.discard()
-        self._target_m = None
+        self._target_m = self._arrived_m = None
         for _ in range(2):
             self._transport.write(b"\x18")
             deadline = self._clock.now() + BANNER_S
@@ -225,22 +253,6 @@ class Grbl:
                 if line.startswith("Grbl "):
                     return
         raise NoAnswer(f"{self._name}: no answer to a reset")
-
-    def _reconnect(self) -> None:
-        deadline = self._clock.now() + RECONNECT_S
-        while True:
-            try:
-                self._transport.read(0.0)
-                return
-            except LostContact:
-                self.trusted = False
-            try:
-                self._transport.reopen()
-                self._lines = Lines(self._transport)
-            except LostContact:
-                if self._clock.now() >= deadline:
-                    raise
-                self._clock.sleep(0.25)
 
 
 def _millimetres(position_m: Array) -> str:

@@ -13,14 +13,13 @@ import re
 
 import numpy as np
 
-from hardware.failure import InstrumentError, LimitExceeded, LostContact, NoAnswer, Refusal
+from hardware.failure import InstrumentError, LimitExceeded, NoAnswer, Refusal
 from hardware.instrument import Array, Travel
-from hardware.transport import Lines, Transport
+from hardware.transport import RECONNECT_S, Lines, Transport
 
 ANSWER_S = 3.0
 LONGEST_BUSY_S = 120.0
 BOOT_S = 4.0
-RECONNECT_S = 10.0
 RESENDS = 6
 TOLERANCE_M = 20e-6
 _POSITION = re.compile(r"X:(-?\d{1,5}\.\d{2,4}) Y:(-?\d{1,5}\.\d{2,4}) Z:(-?\d{1,5}\.\d{2,4})(?: .*)?")
@@ -53,6 +52,7 @@ class Marlin:
         self._lines = Lines(transport)
         self._number = 0
         self._target_m: Array | None = None
+        self._arrived_m: Array | None = None
         self._waiting_since: float | None = None
         self._move_s = 0.0
 
@@ -71,6 +71,7 @@ class Marlin:
 
     def home(self) -> None:
         """Run the homing command; the position is trusted from then on."""
+        self._arrived_m = None
         self._command(self._home_command, LONGEST_BUSY_S)
         self._command("G90")
         self.trusted = True
@@ -90,7 +91,10 @@ class Marlin:
         if not self.travel.holds(target_m):
             millimetres = ", ".join(f"{1e3 * value:.3f}" for value in target_m)
             raise LimitExceeded(f"{self._name}: {millimetres} mm lies outside the stage's travel")
-        distance = float(np.linalg.norm(target_m - self.position_m()))
+        self._finish_move()
+        start = self.position_m() if self._arrived_m is None else self._arrived_m
+        distance = float(np.linalg.norm(target_m - start))
+        self._arrived_m = None
         x, y, z = 1e3 * target_m
         self._command(f"G1 X{x:.3f} Y{y:.3f} Z{z:.3f} F{6e4 * speed_m_s:.1f}")
         self._target_m = target_m
@@ -106,13 +110,14 @@ class Marlin:
             return True
         if self._target_m is not None:
             target, self._target_m = self._target_m, None
-            if np.abs(self.position_m() - target).max() > TOLERANCE_M:
+            self._arrived_m = self.position_m()
+            if np.abs(self._arrived_m - target).max() > TOLERANCE_M:
                 raise Refusal(f"{self._name}: stopped away from its target")
         return False
 
     def halt(self) -> None:
         """Stop at once and drop the queued moves."""
-        self._target_m = None
+        self._target_m = self._arrived_m = None
         self._waiting_since = None
         self._number += 1
         self._transport.write(numbered(self._number, "M410"))
@@ -122,22 +127,26 @@ class Marlin:
 
     def recover(self) -> None:
         """Reopen the port (which restarts most boards), clear a stop, start the numbering anew."""
-        self._target_m = None
+        self._target_m = self._arrived_m = None
         self._waiting_since = None
         try:
             self._settle()
         except InstrumentError:
             self.trusted = False
-            self._reconnect()
+            if not self._transport.restore(RECONNECT_S):
+                self._transport.reopen()
+            self._lines = Lines(self._transport)
             self._await_start()
             self._settle()
 
     def raise_by(self, height_m: float, speed_m_s: float) -> None:
         """Straight up, relative to wherever the stage is."""
+        self._target_m = None
         if self.trusted:
             height_m = min(height_m, self.travel.high_m[2] - float(self.position_m()[2]))
         if height_m <= 0.0:
             return
+        self._arrived_m = None
         self._command("G91")
         try:
             self._command(f"G1 Z{1e3 * height_m:.3f} F{6e4 * speed_m_s:.1f}")
@@ -255,15 +264,3 @@ class Marlin:
         while (line := self._lines.next(deadline - self._clock.now())) is not None:
             if line == "start":
                 return
-
-    def _reconnect(self) -> None:
-        deadline = self._clock.now() + RECONNECT_S
-        while True:
-            try:
-                self._transport.reopen()
-                self._lines = Lines(self._transport)
-                return
-            except LostContact:
-                if self._clock.now() >= deadline:
-                    raise
-                self._clock.sleep(0.25)

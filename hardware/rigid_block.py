@@ -1,0 +1,45 @@
+"""Pseudo-indentation of a rigid block: how much the indenter's own support yields (paper III-B, equation 4)."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hardware.failure import LimitExceeded
+from hardware.indenter import Indenter
+from hardware.recording import RigidBlock
+from hardware.samples import mean_force_n
+
+
+def press_rigid_block(
+    indenter: Indenter, depth_m: float = 1e-3, step_m: float = 5e-5, settle_s: float = 0.5
+) -> RigidBlock:
+    """Press the bench's block in steps down to ``depth_m``; the depth is the stage's, from where force begins.
+
+    The indenter goes up again whatever happens. Raises ``LimitExceeded`` where the bench has no block or a force goes
+    beyond its limit.
+    """
+    block = indenter.rig.geometry.block_m
+    if block is None:
+        raise LimitExceeded("rigid block: the bench's geometry names none (block_m)")
+    x, y, z = block
+    limits = indenter.rig.limits
+    try:
+        indenter.lift()
+        travel_z = min(z + limits.clearance_m, indenter.rig.stage.travel.high_m[2])
+        indenter.go(x, y, max(travel_z, float(indenter.rig.stage.position_m()[2])), limits.travel_speed_m_s)
+        indenter.check_zero()
+        indenter.go(x, y, z + limits.approach_m, limits.travel_speed_m_s)
+        surface = indenter.touch_off(x, y, z + limits.approach_m)
+        depths: NDArray[np.float64] = step_m * np.arange(round(depth_m / step_m) + 1, dtype=float)
+        forces = []
+        for depth in depths:
+            indenter.go(x, y, surface - float(depth), limits.touch_speed_m_s)
+            begin = indenter.rig.clock.now()
+            indenter.listen(settle_s)
+            forces.append(mean_force_n(list(indenter.samples), begin, indenter.rig.clock.now()))
+        indenter.go(x, y, travel_z, limits.travel_speed_m_s)
+    except BaseException:
+        indenter.retract()
+        raise
+    return RigidBlock(depths, np.array(forces))

@@ -1,0 +1,77 @@
+"""What lies on the virtual bench, and the indenter above it: the instruments' common truth."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hardware.virtual.skin import Skin
+
+Array = NDArray[np.float64]
+
+
+class Mover(Protocol):
+    """A stage as the world sees it."""
+
+    def path_m(self, since_s: float, until_s: float) -> list[tuple[float, Array]]:
+        """Where the indenter was: (time, position (3,)) at every turn of its path in between and at its end."""
+        ...
+
+
+@dataclass(frozen=True)
+class Block:
+    """A rigid block on the bench: the indenter's support is all that yields on it."""
+
+    place_m: tuple[float, float]
+    stiffness_n_per_m: float
+    radius_m: float = 0.01
+
+
+class World:
+    """A skin at ``origin_m`` (x, y, z of its corner's surface, in the stage's frame), perhaps a block, one indenter."""
+
+    def __init__(
+        self,
+        skin: Skin,
+        origin_m: tuple[float, float, float] = (0.0, 0.0, 0.0),
+        block: Block | None = None,
+        force_noise_n: float = 0.0,
+        seed: int = 0,
+    ) -> None:
+        """``force_noise_n``: the load cell's, on top of what the skin's own force has."""
+        self.skin = skin
+        self.mover: Mover | None = None
+        self.pressed_n = 0.0
+        self._origin_m = np.array(origin_m)
+        self._block = block
+        self._force_noise_n = force_noise_n
+        self._rng = np.random.default_rng(seed)
+        self._time_s = 0.0
+
+    def force_n(self, time_s: float) -> float:
+        """The load cell's reading."""
+        self._advance(time_s)
+        return self.pressed_n + self._force_noise_n * float(self._rng.normal())
+
+    def scan(self, time_s: float) -> Array:
+        """(K,M) volt of a scan that starts at ``time_s``."""
+        self._advance(time_s)
+        return self.skin.scan(time_s)
+
+    def _advance(self, time_s: float) -> None:
+        if self.mover is None or time_s < self._time_s:
+            return
+        for turn_s, position_m in self.mover.path_m(self._time_s, time_s):
+            self.pressed_n = self._press(turn_s, position_m - self._origin_m)
+        self._time_s = time_s
+
+    def _press(self, time_s: float, position_m: Array) -> float:
+        depth_m = -float(position_m[2])
+        block = self._block
+        if block is not None and np.hypot(*(position_m[:2] - np.array(block.place_m))) < block.radius_m:
+            self.skin.advance(time_s, None, 0.0)
+            return block.stiffness_n_per_m * max(0.0, depth_m)
+        return self.skin.advance(time_s, position_m[:2], depth_m)
