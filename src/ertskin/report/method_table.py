@@ -1,0 +1,49 @@
+"""The table with every method, the paper's numbers on top."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ertskin.evaluation.results import PAPER, MethodResult, metric_names
+from ertskin.report.page import Row, Table
+from ertskin.report.units import METRICS
+
+CAPTION = (
+    "Large: mean over the seeds. Below: mean ± standard deviation over the taxels, then the range over the seeds of "
+    "methods trained more than once. A hit is exact: the set of taxels declared equals the true one. Force is read at "
+    "the taxel truly touched; a missed contact counts as 0 N. After the ± the paper gives its own spread."
+)
+
+
+def method_table(methods: Sequence[MethodResult]) -> Table:
+    """A line for the paper, then one for each method; a column for each metric that some method has."""
+    names = metric_names(methods)
+    heads = ("method", *(METRICS[name].label for name in names))
+    rows = [Row((("paper", "as published, on its own sensor"), *map(_paper_cell, names)), "paper")]
+    rows += [
+        Row(((method.name, method.note), *(_cell(method, name) for name in names)), method.kind) for method in methods
+    ]
+    return Table(heads, tuple(rows), CAPTION)
+
+
+def _paper_cell(name: str) -> tuple[str, str]:
+    value, spread = PAPER.get(name, (None, None))
+    if value is None:
+        return "–", ""
+    metric = METRICS[name]
+    return metric.text(value), "" if spread is None else f"± {metric.text(spread)}"
+
+
+def _cell(method: MethodResult, name: str) -> tuple[str, str]:
+    values = method.values(name)
+    if not len(values) or not np.isfinite(values).any():
+        return "–", ""
+    metric = METRICS[name]
+    scores = [run.scores[name] for run in method.runs if name in run.scores]
+    mean, spread = np.mean([[score.taxel_mean, score.taxel_spread] for score in scores], axis=0)
+    small = f"{metric.text(mean)} ± {metric.text(spread)}" if np.isfinite(mean) else ""
+    if len(values) > 1:
+        small += f"; seeds {metric.text(values.min())} to {metric.text(values.max())}"
+    return metric.text(float(values.mean())), small.removeprefix("; ")

@@ -1,0 +1,81 @@
+"""The report of one evaluation, read from top to bottom: recording, model, network, failures."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from ertskin.calibration.result import Calibration
+from ertskin.evaluation.results import PAPER, MethodResult
+from ertskin.report.model_fit import ModelFit
+from ertskin.report.page import Page, Section, write_page
+from ertskin.report.sections.failures import failures
+from ertskin.report.sections.fit import fit
+from ertskin.report.sections.network import network
+from ertskin.report.sections.recorded import recorded
+from ertskin.report.units import METRICS
+from hardware.measurement import Recording
+
+
+@dataclass(frozen=True, eq=False)
+class ReportInputs:
+    """All a report is made of; what is missing is left out of it.
+
+    ``methods`` in the order of the table; ``shown`` names the one whose answers are pictured, the first network where
+    it is None. ``recordings`` by the part they play, such as "training" or "one-point test". ``footer``: lines on
+    how the numbers came about (files, seeds, versions).
+    """
+
+    title: str
+    methods: Sequence[MethodResult]
+    shown: str | None = None
+    recordings: Mapping[str, Recording] = field(default_factory=dict)
+    calibration: Calibration | None = None
+    model: ModelFit | None = None
+    footer: Sequence[str] = ()
+
+
+def write_report(path: Path, inputs: ReportInputs) -> Path:
+    """Write the page to ``path``; raises ``ValueError`` where ``shown`` names no method or there is none at all."""
+    shown = _shown(inputs)
+    sections: list[Section] = []
+    if inputs.recordings:
+        sections.append(recorded(dict(inputs.recordings)))
+    if inputs.calibration is not None or inputs.model is not None:
+        sections.append(fit(inputs.calibration, inputs.model or ModelFit()))
+    sections += [network(inputs.methods, shown), failures(inputs.methods, shown)]
+    return write_page(
+        path, Page(inputs.title, _summary(shown), _key_numbers(shown), tuple(sections), tuple(inputs.footer))
+    )
+
+
+def _shown(inputs: ReportInputs) -> MethodResult:
+    if not inputs.methods:
+        raise ValueError("a report needs at least one method's result")
+    if inputs.shown is None:
+        return next((method for method in inputs.methods if method.kind == "network"), inputs.methods[0])
+    for method in inputs.methods:
+        if method.name == inputs.shown:
+            return method
+    raise ValueError(f"no method is named {inputs.shown!r}: {[method.name for method in inputs.methods]}")
+
+
+def _summary(shown: MethodResult) -> str:
+    seeds = len(shown.runs)
+    return (
+        f"Numbers of {shown.name}, mean over {seeds} seed{'s' if seeds > 1 else ''}, on test recordings it never "
+        "learned from; the paper's own numbers, from its own rig, stand beside."
+    )
+
+
+def _key_numbers(shown: MethodResult) -> tuple[tuple[str, str], ...]:
+    numbers = []
+    for name, metric in METRICS.items():
+        values = shown.values(name)
+        if len(values) and np.isfinite(values).any():
+            beside = f" (paper {metric.with_unit(PAPER[name][0])})" if name in PAPER else ""
+            numbers.append((metric.with_unit(float(values.mean())), f"{metric.head}{beside}"))
+    return tuple(numbers)

@@ -1,0 +1,1 @@
+"""The parts of the report, one per file, in the order a person reads them."""
