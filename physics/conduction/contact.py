@@ -9,16 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from physics.conduction.mesh import SheetMesh
-from physics.conduction.triangle import Space, quadrature, shape_functions
+from physics.conduction.triangle import Space, edge_mass, triangle_mass
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
-
-EDGE_MASS = {
-    1: np.array([[2, 1], [1, 2]]) / 6,
-    2: np.array([[4, -1, 2], [-1, 4, 2], [2, 2, 16]]) / 30,  # ends, middle
-}
-CENTROID_AND_SIDES = np.array([[4, 1, 1], [1, 4, 1], [1, 1, 4]]) / 6
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,12 +29,12 @@ class Contact:
         """The contact of one electrode; raises ``ValueError`` if it touches nothing."""
         elements = np.flatnonzero(mesh.pad == electrode)
         if len(elements):
-            extent, cell, reference = space.area_m2[elements], space.element[elements], _triangle_mass(space.degree)
+            extent, cell, reference = space.area_m2[elements], space.element[elements], triangle_mass(space.degree)
         else:
             edge = mesh.edge[electrode]
             extent = np.hypot(*(mesh.point_m[edge[:, 1]] - mesh.point_m[edge[:, 0]]).T)
-            cell = edge if space.degree == 1 else np.column_stack([edge, space.middle_nodes(edge)])
-            reference = EDGE_MASS[space.degree]
+            cell = space.edge_nodes(edge)
+            reference = edge_mass(space.degree)
         if not extent.sum() > 0:
             raise ValueError(f"electrode {electrode} touches nothing of the mesh")
         return cls(cell, extent[:, None, None] * reference, float(extent.sum()))
@@ -57,10 +51,3 @@ class Contact:
         mass = np.zeros((len(self.nodes), len(self.nodes)))
         np.add.at(mass, (local[:, :, None], local[:, None, :]), self.cell_mass)
         return mass
-
-
-def _triangle_mass(degree: int) -> Array:
-    """Products of shape functions averaged over a triangle, by a rule of twice their degree."""
-    barycentric, weight = quadrature(2) if degree == 2 else (CENTROID_AND_SIDES, np.full(3, 1 / 3))
-    shape = shape_functions(degree, barycentric)
-    return shape.T @ (weight[:, None] * shape)

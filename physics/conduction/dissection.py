@@ -1,8 +1,8 @@
 """Nested dissection of a mesh: an elimination order that keeps fill-in low, and the tree of separators behind it.
 
 George, SIAM J. Numer. Anal. 10 (1973) 345. A set of vertices is cut by a straight line; the vertices on one side with a
-neighbour on the other form the separator, and both sides are cut again. A side's middle belongs to the deeper of its
-two ends' sets, which keeps every triangle's nodes on one path to the root.
+neighbour on the other form the separator, and both sides are cut again. Nodes between
+vertices belong to the deepest of their sets, which keeps every triangle's nodes on one path to the root.
 """
 
 from __future__ import annotations
@@ -14,12 +14,12 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy.sparse import coo_array
 
-from physics.conduction.triangle import SIDES, Space
+from physics.conduction.triangle import SIDES, Space, lattice
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
-LEAF_VERTICES = {1: 12, 2: 5}  # below this a set is eliminated whole; measured on 2,500 to 40,000 nodes
+LEAF_VERTICES = {1: 12, 2: 5, 3: 3, 4: 2}  # below this a set is eliminated whole; measured on 2,500 to 40,000 nodes
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,12 +43,21 @@ def dissect(space: Space, leaf_vertices: int | None = None) -> Dissection:
     last = len(parent) - 1
     parent = np.where(parent < 0, -1, last - parent)[::-1]
     member, depth = last - member, depth[::-1]
-    if space.degree == 2:
-        ends = member[triangle[:, SIDES]]
-        deeper = np.where(depth[ends[..., 0]] >= depth[ends[..., 1]], ends[..., 0], ends[..., 1])
-        member = np.concatenate([member, np.zeros(space.nodes - count, dtype=np.intp)])
-        member[space.element[:, 3:]] = deeper
+    if space.degree > 1:
+        member = _deepest(space, member, depth)
     return Dissection(parent, member)
+
+
+def _deepest(space: Space, member: Indices, depth: Indices) -> Indices:
+    """(N,) sets of all nodes from their triangles' corners': the deepest of those that the node lies between."""
+    corner = member[space.element[:, :3]]
+    everywhere = np.zeros(space.nodes, dtype=np.intp)
+    for local, share in enumerate(lattice(space.degree)):
+        between = corner[:, share > 0]
+        everywhere[space.element[:, local]] = np.take_along_axis(
+            between, depth[between].argmax(axis=1)[:, None], axis=1
+        )[:, 0]
+    return everywhere
 
 
 @njit(cache=True)

@@ -22,8 +22,6 @@ from physics.sensor import Sensor
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
-GROWTH_OF_CELLS = 0.5  # how fast the cell size may grow with distance from a fine place, m per m
-
 
 class MeshError(ValueError):
     """The outline and electrodes can't be meshed as given."""
@@ -53,6 +51,23 @@ class SheetMesh:
         edge = tuple(outline[np.isin(outline, nodes).all(axis=1)] for nodes in electrode_nodes)
         return cls(point_m, triangle, np.full(len(triangle), -1), edge)
 
+    def refined(self) -> SheetMesh:
+        """Every triangle cut into four similar ones."""
+        end = self.triangle[:, [[0, 1], [1, 2], [2, 0]]]
+        unique, number = np.unique(np.sort(end, axis=2).reshape(-1, 2), axis=0, return_inverse=True)
+        middle = len(self.point_m) + number.reshape(-1, 3)
+        a, b, c = self.triangle.T
+        ab, bc, ca = middle.T
+        triangle = np.stack([[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]]).transpose(2, 0, 1).reshape(-1, 3)
+        code = unique[:, 0] * len(self.point_m) + unique[:, 1]
+        edge = []
+        for part in self.edge:
+            low, high = np.sort(part, axis=1).T
+            half = len(self.point_m) + np.searchsorted(code, low * len(self.point_m) + high)
+            edge.append(np.concatenate([np.stack([part[:, 0], half], axis=1), np.stack([half, part[:, 1]], axis=1)]))
+        point_m = np.concatenate([self.point_m, self.point_m[unique].mean(axis=1)])
+        return SheetMesh(point_m, triangle, np.repeat(self.pad, 4), tuple(edge))
+
     @property
     def electrodes(self) -> int:
         """Number of electrodes L."""
@@ -67,11 +82,12 @@ class SheetMesh:
 @dataclass(frozen=True)
 class Grading:
     """``cell_m``: largest cell; ``rim_m``: the first cell at a pad's rim or an electrode's end; ``growth``: ratio of
-    one layer to the next, away from the rim."""
+    one layer to the next, away from the rim; ``spread``: growth of the cells beyond, in metre per metre."""
 
     cell_m: float
     rim_m: float
     growth: float = 2.5
+    spread: float = 0.5
 
 
 def triangle_areas(point_m: Array, triangle: Indices) -> Array:
@@ -91,10 +107,10 @@ def layers(length_m: float, first_m: float, growth: float) -> Array:
     """Distances (0, first_m, ..., length_m) in steps that grow by a constant ratio, at most about ``growth``."""
     if first_m >= length_m:
         return np.array([0.0, length_m])
-    count = int(np.ceil(np.log(1 + length_m / first_m * (growth - 1)) / np.log(growth) - 1e-9))
+    count = int(np.ceil(np.log(1 + length_m / first_m * (growth - 1)) / np.log(growth) - 0.1))
     if count * first_m >= length_m:
         return np.linspace(0.0, length_m, count + 1)
-    ratio = brentq(lambda q: first_m * np.sum(q ** np.arange(count)) - length_m, 1.0, growth * (1 + 1e-6))
+    ratio = brentq(lambda q: first_m * np.sum(q ** np.arange(count)) - length_m, 1.0, 2 * growth)
     offsets = np.concatenate([[0.0], np.cumsum(first_m * ratio ** np.arange(count))])
     return offsets * (length_m / offsets[-1])
 
@@ -113,7 +129,7 @@ def _mesh_with_pads(outline_m: Array, center_m: Array, size_m: Array, grading: G
 
     def cell(point: Array) -> Array:
         away = _distance_to_boxes(point, center_m, reach)
-        return np.minimum(grading.cell_m, (beside + GROWTH_OF_CELLS * away).min(axis=1))
+        return np.minimum(grading.cell_m, (beside + grading.spread * away).min(axis=1))
 
     boundary, _ = _outline_points(outline_m, np.zeros(0), cell)
     inside = _quadtree_points(outline_m, cell)
@@ -135,7 +151,7 @@ def _mesh_with_edges(outline_m: Array, edge_m: Array, grading: Grading) -> Sheet
     tree = cKDTree(ends)
 
     def cell(point: Array) -> Array:
-        return np.minimum(grading.cell_m, grading.rim_m + GROWTH_OF_CELLS * tree.query(point)[0])
+        return np.minimum(grading.cell_m, grading.rim_m + grading.spread * tree.query(point)[0])
 
     boundary, arc = _outline_points(outline_m, np.concatenate([start, stop]), cell)
     inside = _quadtree_points(outline_m, cell)
@@ -148,13 +164,13 @@ def _mesh_with_edges(outline_m: Array, edge_m: Array, grading: Grading) -> Sheet
 
 def _block_margins(outline_m: Array, center_m: Array, half_m: Array) -> Array:
     """(L,) how far each pad's block reaches beyond the pad: never into another block, nor near the outline."""
-    margin = 0.5 * half_m.min(axis=1)
+    margin = half_m.min(axis=1).copy()
     for k, (center, half) in enumerate(zip(center_m, half_m, strict=True)):
         corners = center + half * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
         to_outline = _distance_to_polygon(corners, outline_m).min()
         others = np.arange(len(center_m)) != k
         gap = np.abs(center_m[others] - center).__sub__(half_m[others] + half).max(axis=1, initial=-np.inf)
-        margin[k] = min(margin[k], 0.4 * to_outline, 0.3 * gap.min(initial=np.inf))
+        margin[k] = min(margin[k], 0.5 * to_outline, 0.3 * gap.min(initial=np.inf))
     if (margin <= 0).any():
         raise MeshError(f"pad {int(np.argmin(margin))} overlaps another pad or touches the outline")
     return margin
