@@ -45,5 +45,5 @@ def _cell(method: MethodResult, name: str) -> tuple[str, str]:
     mean, spread = np.mean([[score.taxel_mean, score.taxel_spread] for score in scores], axis=0)
     small = f"{metric.text(mean)} ± {metric.text(spread)}" if np.isfinite(mean) else ""
     if len(values) > 1:
-        small += f"; seeds {metric.text(values.min())} to {metric.text(values.max())}"
-    return metric.text(float(values.mean())), small.removeprefix("; ")
+        small += f"\nseeds {metric.text(values.min())} to {metric.text(values.max())}"
+    return metric.text(float(values.mean())), small.strip()

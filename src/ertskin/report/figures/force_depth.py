@@ -34,5 +34,5 @@ def force_depth(
         axes.plot(1e3 * model_depth_m, model_force_n, color=ORANGE, label="model")
     axes.set_xlabel("commanded depth / mm")
     axes.set_ylabel("force / N")
-    axes.legend(loc="upper left")
+    axes.legend(loc="lower right")
     return figure

@@ -25,7 +25,7 @@ def recording_timeline(
     above.set_title(title)
     above.set_xticklabels([])
     below.plot(minutes, 1e3 * change_v, color=BLUE, lw=0.7)
-    below.plot(minutes[rest], 1e3 * change_v[rest], ".", ms=4, mew=0, color=ORANGE, label="at rest")
+    below.plot(minutes[rest], 1e3 * change_v[rest], ".", ms=6, mew=0, color=ORANGE, label="at rest")
     below.set_yscale("symlog", linthresh=1.0)
     below.set_ylabel("change, rms / mV")
     below.set_xlabel("time / min")

@@ -48,7 +48,9 @@ def _bars(methods: Sequence[MethodResult]) -> list[Picture]:
             [method.kind == "network" for method in having],
             metric.factor * PAPER[name][0],
         )
-        pictures.append(Picture(drawn, f"{metric.head.capitalize()}: networks in blue, one tick per seed."))
+        pictures.append(
+            Picture(drawn, f"{metric.head[0].upper()}{metric.head[1:]}: networks in blue, one tick per seed.")
+        )
     return pictures
 
 
