@@ -93,7 +93,12 @@ def _contact_pressure_dependence(strength: float, rng: np.random.Generator, sens
 
 
 def _electrode_displacement(strength: float, rng: np.random.Generator, sensor: Sensor) -> Parameters:
-    return {"electrode": int(rng.integers(sensor.electrodes)), "shift_m": (5e-4 * strength * _direction(rng)).tolist()}
+    """The pad stays on the sheet, however strong the effect."""
+    electrode = int(rng.integers(sensor.electrodes))
+    center, room = sensor.electrode_center_m[electrode], sensor.electrode_size_m[electrode] / 2 + 3e-4
+    low, high = sensor.extent_m
+    moved = np.clip(center + 5e-4 * strength * _direction(rng), low + room, high - room)
+    return {"electrode": electrode, "shift_m": (moved - center).tolist()}
 
 
 def _channel_gain(strength: float, rng: np.random.Generator, sensor: Sensor) -> Parameters:

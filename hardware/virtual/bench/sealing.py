@@ -9,7 +9,9 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 from hardware.virtual.bench.truth import Truth
 
@@ -32,29 +34,34 @@ def _names(recording: Path, folder: Path) -> tuple[Path, Path]:
     return recording.with_suffix(".seal.json"), folder / f"{recording.stem}.truth.json"
 
 
-def seal(recording: Path, truth: Truth, folder: Path) -> str:
-    """Put the truth of a recording into ``folder``, its commitment beside the recording; returns the commitment.
+def seal(recording: Path, truth: Truth, folder: Path, about: Mapping[str, Any] | None = None) -> str:
+    """Put the truth of a recording, and anything ``about`` it, into ``folder``, the commitment beside the recording.
 
-    The nonce is drawn from the truth's seed: the same suite written again has the same seals.
+    Returns the commitment. The nonce is drawn from the truth's seed: the same suite written again has the same seals.
     """
     folder.mkdir(parents=True, exist_ok=True)
     beside, hidden = _names(recording, folder)
-    text, nonce = truth.to_json(), truth.rng("seal").bytes(16).hex()
+    text = json.dumps({"truth": json.loads(truth.to_json()), "about": dict(about or {})}, sort_keys=True)
+    nonce = truth.rng("seal").bytes(16).hex()
     commitment = _commitment(nonce, text)
-    _write(hidden, {"nonce": nonce, "truth": text})
+    _write(hidden, {"nonce": nonce, "sealed": text})
     _write(beside, {"recording": recording.name, "sha256": commitment})
     return commitment
 
 
-def unseal(recording: Path, folder: Path) -> Truth:
-    """The truth of a recording; raises ``SealError`` if it is missing or doesn't match what was committed."""
+def unseal(recording: Path, folder: Path) -> tuple[Truth, dict[str, Any]]:
+    """The truth of a recording and what was said about it.
+
+    Raises ``SealError`` if there is none or it isn't the one committed to.
+    """
     beside, hidden = _names(recording, folder)
     try:
         committed = json.loads(beside.read_text())["sha256"]
         held = json.loads(hidden.read_text())
-        nonce, text = held["nonce"], held["truth"]
+        nonce, text = held["nonce"], held["sealed"]
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise SealError(f"{recording}: no seal to open ({error})") from error
     if _commitment(nonce, text) != committed:
         raise SealError(f"{hidden}: this is not the truth that was committed in {beside.name}")
-    return Truth.from_json(text)
+    opened = json.loads(text)
+    return Truth.from_json(json.dumps(opened["truth"])), opened["about"]

@@ -8,7 +8,7 @@ support could have absorbed. Voltages are compared at equal force, as the load c
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -48,13 +48,19 @@ class Ratios:
 
 
 class Ruler:
-    """Measures effects on the skin of one seed by a short plan of its own."""
+    """Measures effects on the skin of one seed by a short plan of its own: a few taxels, two depths, up and down."""
 
-    def __init__(self, seed: int, white_v: float = 2e-3, force_noise_n: float = 0.01) -> None:
+    def __init__(
+        self,
+        seed: int,
+        white_v: float = 2e-3,
+        force_noise_n: float = 0.01,
+        taxels: Sequence[int] = QUICK_TAXELS,
+    ) -> None:
         self.seed, self.white_v, self.force_noise_n = seed, white_v, force_noise_n
         self.sensor = nominal_sensor()
         self.protocol = nominal_protocol(self.sensor)
-        self.history = presses(self.sensor.taxel_m[list(QUICK_TAXELS)], _DEPTH_M, holds=1)
+        self.history = presses(self.sensor.taxel_m[list(taxels)], _DEPTH_M, holds=1)
 
     def measure(self, effects: Mapping[str, float]) -> Ratios:
         """How far effects of these strengths, all together, stand out."""
