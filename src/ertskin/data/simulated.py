@@ -86,14 +86,19 @@ def rising(touches: Touches) -> Touches:
     return touches[np.flatnonzero(single & ((phase == Phase.LOADING) | (phase == Phase.HOLD)))]
 
 
-def _corrected(material: Material, real: Touches, changes_ohm: Array) -> Material:
-    """The trials with the discrepancy of the recorded places added."""
-    protocol = material.protocol
-    residual_v = real.change_v - protocol.whitened(changes_ohm)
+def recorded_discrepancy(material: Material, real: Touches, changes_ohm: Array) -> Discrepancy:
+    """What the one-point presses ``real`` show beyond the simulator, which says ``changes_ohm`` (N,P) of them."""
+    residual_v = real.change_v - material.protocol.whitened(changes_ohm)
     noise_v = float(np.sqrt(np.median(np.diag(material.noise.covariance_v2)))) or float(residual_v.std())
     place_m, force_n = real.history.contact_m[:, 0], real.history.force_n[:, 0]
-    found = Discrepancy.fit(place_m, force_n, residual_v, noise_v, OWN * spacing_m(material.taxel_m))
-    trials = material.trials
+    return Discrepancy.fit(place_m, force_n, residual_v, noise_v, OWN * spacing_m(material.taxel_m))
+
+
+def _corrected(material: Material, real: Touches, changes_ohm: Array) -> Material:
+    """The trials with the discrepancy of the recorded places added."""
+    protocol, trials = material.protocol, material.trials
+    found = recorded_discrepancy(material, real, changes_ohm)
+    residual_v = real.change_v - protocol.whitened(changes_ohm)
     added_ohm = protocol.unwhitened(found.of(trials.contact_m, trials.force_n))
     key = hashlib.sha256(material.checksum.encode() + residual_v.tobytes()).hexdigest()
     return replace(material, trials=replace(trials, change_ohm=trials.change_ohm + added_ohm), checksum=key)
