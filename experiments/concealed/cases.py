@@ -27,6 +27,7 @@ BEHIND = (
     ("indenter_offset", 1.1, "piezo_inhomogeneity", 2.5),
     ("adc_saturation", 1.1, "sheet_inhomogeneity", 2.5),
 )
+BEHIND_CALIBRATION = ("contact_pressure_dependence", "electrode_displacement", "sheet_inhomogeneity", "nonlinear_foam")
 BLIND = (
     ("no_unloading", "piezo_hysteresis"),
     ("no_unloading", "foam_hysteresis"),
@@ -71,6 +72,7 @@ def _recipes(small: bool, rng: np.random.Generator) -> list[tuple[str, str | Non
         recipes += [("unlisted", None, {name: r}, plain, False) for r in ((1.5,) if small else (1.5, 2.5))]
     if not small:
         recipes += [("concealed", None, {weak: w, strong: s}, plain, False) for weak, w, strong, s in BEHIND]
+        recipes += [("concealed", None, {name: 1.2}, plain, True) for name in BEHIND_CALIBRATION]
         recipes += [("twin", None, {name: 1.5}, plain, False) for pair in TWINS for name in pair]
     recipes += [("blind", plan, {name: 1.5}, plain, False) for plan, name in (BLIND[:1] if small else BLIND)]
     return recipes

@@ -84,8 +84,12 @@ class Stage:
             self._now_s = max(time_s + instant, self._now_s)
             beyond = 0.5 * self._glide * self._step_m * np.sin(np.pi * (instant / instants_s[-1] - 0.5))
             forces[number] = 0.0 if self._spot is None else self._press(self.command_m + beyond, seconds)
-        self._step_m = 0.0
+        self.stand()
         return forces
+
+    def stand(self) -> None:
+        """The last step is over: a scan from now on sees no glide."""
+        self._step_m = 0.0
 
     def _press(self, depth_m: float, seconds: float) -> float:
         if self._spot is None:

@@ -57,6 +57,7 @@ class LiveSkin:
         middle = time_s + scan_s / 2
         sampled = np.linspace(0.0, max(scan_s, 1e-3), 9 if self._skewed else 3)
         forces = deepcopy(self._stage).during_scan(time_s, sampled)
+        self._stage.stand()
         if not self._skewed or np.ptp(forces) < 1e-6:
             mean = float(np.trapezoid(forces, sampled) / sampled[-1])
             return self._electronics.scan(self._read(mean, middle), time_s)

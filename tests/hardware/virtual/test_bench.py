@@ -150,6 +150,15 @@ def test_live_skin_agrees_with_the_recorded_one(plain: tuple[np.ndarray, np.ndar
     np.testing.assert_allclose(live.scan(3.0), plain[0][0], atol=2e-4)
 
 
+def test_only_the_scan_after_a_step_is_skewed():
+    live = LiveSkin(draw_truth(SENSOR, 1, {"scan_skew": 1.0}, SILENT), resolution=FAST)
+    live.advance(1.0, SENSOR.taxel_m[7], 1e-3)
+    live.advance(1.5, SENSOR.taxel_m[7], 2e-3)
+    gliding, standing, again = (live.scan(time_s) for time_s in (1.5, 2.0, 2.5))
+    assert np.abs(gliding - standing).max() > 1e-3
+    np.testing.assert_allclose(again, standing, atol=2e-4)
+
+
 def test_the_ruler_finds_the_strength_for_a_ratio():
     ruler = Ruler(2, taxels=(7, 16))
     strength, reached = ruler.strength("channel_gain", 1.5)
