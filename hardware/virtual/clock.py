@@ -36,8 +36,8 @@ class VirtualClock:
     count of bytes on either side tells when all have arrived. So a run depends on its seed alone.
     """
 
-    def __init__(self) -> None:
-        self._now_s = 0.0
+    def __init__(self, start_s: float = 0.0) -> None:
+        self._now_s = start_s
         self._devices: list[Device] = []
         self._wrote: dict[str, int] = {}
         self._read: dict[str, int] = {}

@@ -71,6 +71,7 @@ def virtual_bench(
     limits: Mapping[str, float] | None = None,
     force_noise_n: float = 0.0,
     seed: int = 0,
+    start_s: float = 0.0,
 ) -> VirtualBench:
     """A bench around ``skin``. Its surface lies ``sunk_m`` lower than the rig's description says, for the touch-off."""
     folder = Path(tempfile.mkdtemp(prefix="ertskin-bench-"))
@@ -85,7 +86,7 @@ def virtual_bench(
     block_place = (width + 1.5 * MARGIN_M, depth / 2)
     block = None if block_stiffness_n_per_m is None else Block(block_place, block_stiffness_n_per_m)
     world = World(skin, (origin[0], origin[1], origin[2] - sunk_m), block, force_noise_n, seed)
-    clock = VirtualClock()
+    clock = VirtualClock(start_s)
     devices: dict[str, Terminal] = {
         "stage": GrblController(clock, folder / "stage", world, travel)
         if stage == "grbl"

@@ -1,0 +1,1 @@
+"""The bench from the command line: which rig, which plan, and what to show while it records."""

@@ -1,0 +1,90 @@
+"""What a person sees of a recording: the plan before it, and how it goes while it does."""
+
+from __future__ import annotations
+
+import time
+from collections import Counter
+from typing import TYPE_CHECKING
+
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.table import Table
+
+from hardware.plan import Plan, Press
+from physics.history import Phase
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from hardware.experiment import Progress as Standing
+
+
+def print_plan(console: Console, plan: Plan) -> None:
+    """The plan and how long it takes, without moving anything."""
+    table = Table(title=f"plan {plan.name}", title_justify="left")
+    for heading in ("presses", "place (mm)", "deepest (mm)", "frames a press", "phases"):
+        table.add_column(heading)
+    for numbers, press in _runs(plan):
+        places = "  ".join(f"({1e3 * x:.1f}, {1e3 * y:.1f})" for x, y in press.contact_m)
+        depth = f"{1e3 * press.depth_m:.2f}" if press.weight_n is None else f"weights of {press.weight_n:.2f} N"
+        phases = Counter({Phase.REST: press.rest_frames})
+        for step in press.steps:
+            phases[step.phase] += step.frames
+        told = ", ".join(f"{count} {phase.name.lower()}" for phase, count in phases.items() if count)
+        table.add_row(numbers, places, depth, str(press.frames), told)
+    console.print(table)
+    minutes = plan.duration_s() / 60.0
+    console.print(f"{len(plan.presses)} presses, {plan.frames} frames, about {minutes:.0f} min", highlight=False)
+
+
+def _runs(plan: Plan) -> list[tuple[str, Press]]:
+    """Presses with their numbers; repeats of one press in a row share a line."""
+    runs: list[tuple[int, int, Press]] = []
+    for number, press in enumerate(plan.presses):
+        if runs and runs[-1][2] == press:
+            runs[-1] = (runs[-1][0], number, press)
+        else:
+            runs.append((number, number, press))
+    return [(str(a) if a == b else f"{a} to {b}", press) for a, b, press in runs]
+
+
+class Display:
+    """A progress bar on a terminal; a line per press elsewhere."""
+
+    def __init__(self, console: Console, plan: Plan, done: int = 0) -> None:
+        self._console = console
+        self._bar = Progress(
+            TextColumn("{task.description}"),
+            BarColumn(),
+            MofNCompleteColumn(),
+            TimeRemainingColumn(),
+            console=console,
+            disable=not console.is_terminal,
+        )
+        self._task = self._bar.add_task("getting ready", total=plan.frames, completed=done)
+        self._press = -1
+        self._began = time.monotonic()
+
+    def __enter__(self) -> Display:
+        self._bar.start()
+        return self
+
+    def __exit__(self, *_error: object) -> None:
+        self._bar.stop()
+
+    def show(self, standing: Standing) -> None:
+        """Take notice of a frame."""
+        sound = standing.soundness
+        checks = f"noise {1e3 * sound.noise_v:.2f} mV, reciprocity {100 * sound.reciprocity_defect:.2g} %"
+        if sound.saturated:
+            checks += f", [red]{100 * sound.saturated:.2g} % saturated[/red]"
+        depth = "-" if standing.depth_m != standing.depth_m else f"{1e3 * standing.depth_m:.1f} mm"
+        text = f"press {min(standing.press + 1, standing.presses)}/{standing.presses} {standing.phase.name.lower()} "
+        text += f"{depth} {standing.force_n:.2f} N · {checks}"
+        self._bar.update(self._task, completed=standing.frame, description=text)
+        if not self._console.is_terminal and standing.press != self._press and standing.press < standing.presses:
+            self._press = standing.press
+            self._console.print(
+                f"press {standing.press + 1}/{standing.presses}  frame {standing.frame}  {checks}",
+                highlight=False,
+                soft_wrap=True,
+            )

@@ -1,0 +1,92 @@
+"""From a rig's configuration to an opened bench, real or virtual."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ertskin.errors import UserError
+from hardware.compressometer import read_specimen_table
+from hardware.description import DescriptionError, protocol_of, sensor_of
+from hardware.recording import Specimen
+from hardware.rig import Rig, RigError, open_rig
+from physics.protocol import Protocol
+from physics.sensor import Sensor
+
+if TYPE_CHECKING:
+    from hardware.virtual.bench.truth import Truth
+
+
+@dataclass(frozen=True)
+class OpenBench:
+    """A rig, the specimen test that goes with it, and, on the virtual bench alone, what is hidden in it."""
+
+    rig: Rig
+    specimen: Specimen | None
+    truth: Truth | None
+
+
+def described(config: Mapping[str, Any]) -> tuple[Sensor, Protocol]:
+    """The sensor and the scan of a configuration's ``sensor``; raises ``UserError``."""
+    try:
+        sensor = sensor_of(config)
+        return sensor, protocol_of(config["protocol"], sensor.electrodes)
+    except DescriptionError as error:
+        raise UserError(str(error)) from None
+    except KeyError:
+        raise UserError("sensor: has no protocol") from None
+
+
+@contextmanager
+def opened(fields: Mapping[str, Any], sensor: Sensor, protocol: Protocol, start_s: float = 0.0) -> Iterator[OpenBench]:
+    """The bench of a configuration's ``rig``, closed again at the end.
+
+    ``start_s``: where a virtual bench's clock begins, for a recording gone on with. Raises ``UserError`` for a
+    description that makes no sense, ``LostContact`` where a port can't be opened.
+    """
+    specimen = Path(fields["specimen"]) if fields.get("specimen") else None
+    try:
+        if fields.get("virtual"):
+            with _virtual(fields, sensor, protocol, start_s) as bench:
+                yield bench
+            return
+        rig = open_rig(fields, sensor, protocol)
+    except RigError as error:
+        raise UserError(str(error)) from None
+    try:
+        yield OpenBench(rig, None if specimen is None else read_specimen_table(specimen), None)
+    finally:
+        rig.close()
+
+
+@contextmanager
+def _virtual(fields: Mapping[str, Any], sensor: Sensor, protocol: Protocol, start_s: float) -> Iterator[OpenBench]:
+    from hardware.virtual.bench.bench import Bench
+    from hardware.virtual.bench.live import LiveSkin
+    from hardware.virtual.bench.truth import Noise, draw_truth
+    from hardware.virtual.rig import virtual_bench
+
+    hidden = {name: float(strength) for name, strength in (fields.get("effects") or {}).items()}
+    try:
+        truth = draw_truth(sensor, int(fields["seed"]), hidden, Noise(**(fields.get("noise") or {})))
+    except (KeyError, TypeError) as error:
+        raise UserError(f"rig: {error.args[0]}") from None
+    bench = virtual_bench(
+        LiveSkin(truth, sensor, protocol),
+        fields["stage"]["driver"],
+        fields["load_cell"]["driver"],
+        fields["ert_reader"]["driver"],
+        block_stiffness_n_per_m=truth.support_n_per_m,
+        limits=fields.get("limits"),
+        seed=truth.seed,
+        start_s=start_s,
+    )
+    rig = bench.open()
+    try:
+        yield OpenBench(rig, Bench(truth, sensor, protocol).specimen(), truth)
+    finally:
+        rig.close()
+        bench.close()

@@ -1,0 +1,170 @@
+"""Record an indentation experiment on a bench, real or virtual.
+
+Presses the plan's places while force and scans are kept frame by frame. Stopped or killed, the same command goes on at
+the next press; ``dry_run=true`` prints the plan and how long it takes.
+"""
+
+from __future__ import annotations
+
+import signal
+from dataclasses import replace
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, cast
+
+from hardware.failure import InstrumentError
+from hardware.recording import Recording, RecordingError
+
+if TYPE_CHECKING:
+    from omegaconf import DictConfig
+    from rich.console import Console
+
+    from ertskin.bench.opening import OpenBench
+    from hardware.experiment import Outcome
+    from hardware.plan import Plan, Press
+
+RESUME_GAP_S = 60.0
+"""Seconds that pass, in a recording gone on with, between its last frame and the next at least."""
+
+
+def run(config: DictConfig) -> None:
+    """Record ``config.plan`` on ``config.rig`` into ``config.recording``."""
+    from omegaconf import OmegaConf
+    from rich.console import Console
+
+    from ertskin.bench.display import print_plan
+    from ertskin.bench.opening import described, opened
+    from ertskin.bench.plan_choice import chosen_plan
+    from ertskin.errors import JobFailed
+
+    console, path = Console(), Path(config.recording)
+    fields = cast(dict[str, Any], OmegaConf.to_container(config, resolve=True))
+    sensor, protocol = described(fields["sensor"])
+    plan = chosen_plan(fields["plan"], sensor)
+    if config.dry_run:
+        print_plan(console, plan)
+        return
+    if path.exists():
+        raise RecordingError(f"{path}: found a recording already there, expected a free name (nothing was overwritten)")
+    signal.signal(signal.SIGTERM, _stop)
+    start_s = _last_frame_s(path) + RESUME_GAP_S if _half_done(path) else 0.0
+    try:
+        with opened(fields["rig"], sensor, protocol, start_s) as bench:
+            header = Recording(
+                str(fields["rig"]["name"]),
+                _created(fields["rig"]),
+                config.comment,
+                sensor,
+                protocol,
+                None,
+                bench.specimen,
+            )
+            outcome = _record(bench, plan, path, header, start_s, console)
+            _seal(bench, path, fields["rig"])
+    except InstrumentError as error:
+        raise JobFailed(f"{error}{_kept(path)}") from None
+    _tell(console, path, outcome)
+
+
+def _record(bench: OpenBench, plan: Plan, path: Path, header: Recording, start_s: float, console: Console) -> Outcome:
+    from ertskin.bench.display import Display
+    from hardware.experiment import Experiment, check_plan
+    from hardware.recorder import Recorder, next_press
+
+    rig = bench.rig
+    check_plan(plan, rig)
+    first = 0
+    if _half_done(path):
+        recorder, so_far = Recorder.resumed(path, plan)
+        first = next_press(so_far.frames)
+        console.print(f"going on at press {first + 1} of {len(plan.presses)}", highlight=False)
+    else:
+        header = replace(header, rigid_block=_block(bench, console))
+        counts = rig.protocol.adc_volts_per_count is not None and hasattr(rig.reader, "identity")
+        recorder = Recorder(path, header, plan, rig.protocol.shape, counts)
+    try:
+        with Display(console, plan, recorder.frames) as display:
+            experiment = Experiment(
+                rig, recorder, rig.clock.now() - start_s, display.show, lambda press: _weights(console, press)
+            )
+            outcome = experiment.run(plan, first)
+    except BaseException:
+        recorder.close()
+        raise
+    recorder.finish()
+    return outcome
+
+
+def _block(bench: OpenBench, console: Console) -> Any:
+    """The rigid-block run, where the bench has a block."""
+    from hardware.indenter import Indenter
+    from hardware.rigid_block import press_rigid_block
+
+    if bench.rig.geometry.block_m is None:
+        return None
+    console.print("pressing the rigid block", highlight=False)
+    indenter = Indenter(bench.rig)
+    try:
+        indenter.ready()
+        indenter.zero()
+        return press_rigid_block(indenter)
+    except BaseException:
+        indenter.retract()
+        raise
+
+
+def _weights(console: Console, press: Press | None) -> None:
+    """Ask somebody at the bench to lay weights on, or take them off, and wait."""
+    if press is None:
+        console.input("take the weights off, then Enter ")
+        return
+    places = " and ".join(f"({1e3 * x:.1f}, {1e3 * y:.1f}) mm" for x, y in press.contact_m)
+    console.input(f"lay a weight of {press.weight_n:.2f} N on {places}, then Enter ")
+
+
+def _seal(bench: OpenBench, path: Path, rig: dict[str, Any]) -> None:
+    """Put what is hidden in a virtual skin where nobody looks by chance."""
+    if bench.truth is not None and rig.get("sealed"):
+        from hardware.virtual.bench.sealing import seal
+
+        seal(path, bench.truth, Path(rig["sealed"]), {"rig": rig["name"]})
+
+
+def _tell(console: Console, path: Path, outcome: Outcome) -> None:
+    console.print(
+        f"{outcome.frames} frames, {outcome.presses} presses, {outcome.lost_scans} scans lost", highlight=False
+    )
+    for failed in outcome.failed:
+        console.print(f"[yellow]given up[/yellow] {failed}", highlight=False, soft_wrap=True)
+    for warning, count in outcome.warnings.items():
+        console.print(f"[yellow]warning[/yellow] {warning} in {count} frames", highlight=False, soft_wrap=True)
+    console.print(f"recording: {path}", highlight=False, soft_wrap=True)
+
+
+def _half_done(path: Path) -> bool:
+    from hardware.recorder import part_of
+
+    return part_of(path).exists()
+
+
+def _last_frame_s(path: Path) -> float:
+    from hardware.recorder import part_of
+    from hardware.recording import read_recording
+
+    frames = read_recording(part_of(path)).frames
+    return float(frames.history.time_s[-1]) if frames is not None and len(frames) else 0.0
+
+
+def _kept(path: Path) -> str:
+    from hardware.recorder import part_of
+
+    return f"; what was recorded is kept in {part_of(path)}, record again to go on" if _half_done(path) else ""
+
+
+def _created(rig: dict[str, Any]) -> str:
+    """Now; a virtual bench has no calendar, so that the same seed gives the same file."""
+    return "2026-01-01T00:00:00Z" if rig.get("virtual") else datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
+
+
+def _stop(_number: int, _frame: object) -> None:
+    raise KeyboardInterrupt
