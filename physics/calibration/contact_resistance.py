@@ -15,12 +15,14 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from physics.calibration.contact_reduction import ContactReduction
+from physics.calibration.scan_space import ScanSpace
 from physics.conduction.sheet import SheetModel
 from physics.protocol import Protocol
 
@@ -28,12 +30,16 @@ Array = NDArray[np.float64]
 
 _STEPS = 40
 _CONVERGED = 1e-2
-"""A step is the last if it moves no unknown by more than this share of its standard error."""
+"""A step is the last if it can't lower chi-square by more: it moves no combination by a tenth of its standard error."""
 
 _ROUNDING = 1e-6
 """A rise of the misfit by less than this share is the solver's rounding, not a failed step."""
 
 _LARGEST_FALL = 2.0
+_LARGEST_RISE = 30.0
+_PRIOR_LOG_SD = 4.6
+"""A contact resistance is within a hundred times the guess, up or down, with 68 % prior probability."""
+
 _REACH = 1000.0
 _NARROW = 3.0
 _FIRST_STRIDE = 1.0
@@ -45,10 +51,11 @@ _LAST_STRIDE = 1e-6
 class ContactFit:
     """Contact resistances (L,) in ohm with standard errors, and the sheet resistance in ohm per square.
 
-    Standard errors hold for white reading noise of ``noise_v`` (given, or taken from the residual); ``covariance`` is
-    of the logarithms of the unknowns, contacts first. ``residual_v`` (P,): measured less simulated in whitened
-    coordinates; ``residual_rms_v`` its rms per degree of freedom. ``rms_before_v`` and ``rms_after_v`` are over all
-    readings (Fig. 7). ``evaluations`` counts solutions of the sheet, or of its reduction.
+    Standard errors hold for white reading noise of ``noise_v`` (given, or taken from the residual); ``covariance``
+    (n,n) is of the unknowns in ohm, contacts first, the sheet resistance last if fitted. A contact
+    that the readings can't tell has a standard error beyond its value. ``residual_v`` (n,): measured less simulated in
+    ``ScanSpace`` coordinates; ``residual_rms_v`` its rms per degree of freedom. ``rms_before_v`` and ``rms_after_v``
+    are over all readings (Fig. 7). ``evaluations`` counts solutions of the sheet, or of its reduction.
     """
 
     contact_resistance_ohm: Array
@@ -71,7 +78,8 @@ class ContactProblem:
     """What is to be fitted: the model, the protocol and the mean unloaded readings (K,M) in volt.
 
     ``sheet_resistance_ohm_sq`` and ``guess_ohm`` (for every contact) are start values; the sheet's stays as it is
-    unless ``fit_sheet``. ``noise_v`` is the noise of one mean reading where known.
+    unless ``fit_sheet``. ``noise_v`` is the noise of one mean reading where known; ``weight`` (K,M) how much each
+    reading counts, all alike without it.
     """
 
     model: SheetModel
@@ -81,6 +89,7 @@ class ContactProblem:
     guess_ohm: float
     fit_sheet: bool = False
     noise_v: float | None = None
+    weight: Array | None = None
 
     def start(self) -> Array:
         """(n,) logarithms of the unknowns' start values."""
@@ -95,9 +104,10 @@ class ContactProblem:
         sheet = float(values[-1]) if self.fit_sheet else self.sheet_resistance_ohm_sq
         return values[: self.model.electrodes], sheet
 
-    def measured(self) -> Array:
-        """(P,) the readings in whitened coordinates, in volt."""
-        return self.voltage_v.ravel() @ self.protocol.orthonormal
+    @cached_property
+    def space(self) -> ScanSpace:
+        """Coordinates of the readings in which misfits are measured."""
+        return ScanSpace.of(self.protocol, self.weight)
 
     def reading_rms(self, pair_resistance_ohm: Array) -> float:
         """Rms over all readings of measured less simulated, in volt (eq. 5 over the square root of their number)."""
@@ -118,31 +128,68 @@ class ContactProblem:
 
 
 def gauss_newton(problem: ContactProblem) -> ContactFit:
-    """Fit by Gauss-Newton with Levenberg's damping where a step fails; raises ``RuntimeError`` without convergence."""
+    """Fit by Gauss-Newton with Levenberg's damping where a step fails; raises ``RuntimeError`` without convergence.
+
+    A contact that the readings can't tell (a passive one of a poor scan, or one much smaller than the sheet's own
+    resistance) stays finite by a weak log-normal prior about the guess, which moves the others by less than a
+    millionth of their value.
+    """
     begun = time.perf_counter()
-    measured, whiten = problem.measured(), problem.protocol.cholesky
+    measured, whiten = problem.space.coordinates(problem.voltage_v), problem.space.design
     logs = problem.start()
     pairs, slope = problem.linearised(logs)
     before = problem.reading_rms(pairs)
+    if problem.fit_sheet:
+        # all resistances in proportion: exact, and it takes a sheet resistance far off out of the first step
+        simulated = whiten @ pairs
+        scale = max(float(measured @ simulated) / float(simulated @ simulated), 1e-3)
+        logs, pairs, slope = logs + np.log(scale), pairs * scale, slope * scale
+    expected = logs.copy()
     residual, damping, evaluations = measured - whiten @ pairs, 0.0, 1
     for _ in range(_STEPS):
         jacobian = whiten @ slope
-        normal = jacobian.T @ jacobian
-        curvature = np.diag(normal)
-        step = np.linalg.solve(normal + damping * np.diag(curvature), jacobian.T @ residual)
-        move = np.where(step > 0, np.log1p(np.maximum(step, 0)), np.maximum(step, -_LARGEST_FALL))
+        pull = np.full(len(logs), (_noise(problem, jacobian, residual) / _PRIOR_LOG_SD) ** 2)
+        pull[problem.model.electrodes :] = 0.0
+        normal = jacobian.T @ jacobian + np.diag(pull)
+        gradient = jacobian.T @ residual + pull * (expected - logs)
+        step = np.linalg.solve(normal + damping * np.diag(np.diag(normal)), gradient)
+        move = np.where(step > 0, np.log1p(np.clip(step, 0, _LARGEST_RISE)), np.maximum(step, -_LARGEST_FALL))
         trial_pairs, trial_slope = problem.linearised(logs + move)
         evaluations += 1
         trial = measured - whiten @ trial_pairs
-        if trial @ trial > residual @ residual * (1 + _ROUNDING):
-            damping = max(4 * damping, 1e-3)
+        cost = residual @ residual + pull @ (logs - expected) ** 2
+        gain = cost - trial @ trial - pull @ (logs + move - expected) ** 2
+        if gain < -_ROUNDING * cost:
+            damping = max(4 * damping, 1e-2)
             continue
-        converged = bool((np.abs(move) <= _CONVERGED * _errors(problem, jacobian, trial)).all())
+        converged = gradient @ np.linalg.solve(normal, gradient) < _CONVERGED * _noise(problem, jacobian, trial) ** 2
         logs, pairs, slope, residual = logs + move, trial_pairs, trial_slope, trial
-        damping = damping / 10 if damping > 1e-6 else 0.0
+        poor = gain > _ROUNDING * cost and gain < 0.25 * (2 * step @ gradient - step @ normal @ step)
+        damping = max(4 * damping, 1e-2) if poor else (damping / 10 if damping > 1e-4 else 0.0)
         if converged:
             return _result(problem, logs, pairs, slope, before, "gauss_newton", evaluations, begun)
     raise RuntimeError(f"contact resistances did not converge in {_STEPS} Gauss-Newton steps")
+
+
+def robust(
+    problem: ContactProblem, method: Callable[[ContactProblem], ContactFit] = gauss_newton, rounds: int = 4
+) -> ContactFit:
+    """Fit again and again with readings far off the fit counting less (Tukey's weights), so that a reading or an
+    electrode that is plainly wrong doesn't spoil the others. ``robust_weights`` tells which."""
+    fit = method(problem)
+    for _ in range(rounds):
+        fit = method(replace(problem, weight=robust_weights(problem, fit)))
+    return fit
+
+
+def robust_weights(problem: ContactProblem, fit: ContactFit) -> Array:
+    """(K,M) Tukey's weights of the readings' residuals about a fit: zero beyond 4.685 robust sigmas, never all zero."""
+    pairs = problem.model.solve(
+        problem.model.uniform(fit.sheet_resistance_ohm_sq), fit.contact_resistance_ohm
+    ).pair_resistance_ohm
+    residual = problem.voltage_v - problem.protocol.readings(pairs)
+    sigma = max(1.4826 * float(np.median(np.abs(residual))), 1e-300)
+    return np.asarray(np.clip(1 - (residual / (4.685 * sigma)) ** 2, 0.0, None) ** 2)
 
 
 def direct_search(problem: ContactProblem, stride: float = _LAST_STRIDE) -> ContactFit:
@@ -152,7 +199,7 @@ def direct_search(problem: ContactProblem, stride: float = _LAST_STRIDE) -> Cont
     found, which is then exact to far below the noise.
     """
     begun = time.perf_counter()
-    measured, whiten = problem.measured(), problem.protocol.cholesky
+    measured, whiten = problem.space.coordinates(problem.voltage_v), problem.space.design
     counted = 0
 
     def cost_on(reduction: ContactReduction) -> Callable[[Array], float]:
@@ -207,11 +254,6 @@ def _explore(cost: Callable[[Array], float], point: Array, value: float, stride:
     return point, value
 
 
-def _errors(problem: ContactProblem, jacobian: Array, residual: Array) -> Array:
-    """(n,) standard errors of the logarithms."""
-    return np.sqrt(np.diag(np.linalg.inv(jacobian.T @ jacobian))) * _noise(problem, jacobian, residual)
-
-
 def _noise(problem: ContactProblem, jacobian: Array, residual: Array) -> float:
     if problem.noise_v is not None:
         return problem.noise_v
@@ -228,18 +270,21 @@ def _result(
     evaluations: int,
     begun: float,
 ) -> ContactFit:
-    whiten = problem.protocol.cholesky
-    residual, jacobian = problem.measured() - whiten @ pairs, whiten @ slope
+    measured, whiten = problem.space.coordinates(problem.voltage_v), problem.space.design
+    residual, jacobian = measured - whiten @ pairs, whiten @ slope
     noise = _noise(problem, jacobian, residual)
-    covariance = noise**2 * np.asarray(np.linalg.inv(jacobian.T @ jacobian))
+    values = np.exp(logs)
+    by_ohm = jacobian / values
+    loose = (noise / (_PRIOR_LOG_SD * np.maximum(values, problem.guess_ohm))) ** 2
+    covariance = noise**2 * np.asarray(np.linalg.inv(by_ohm.T @ by_ohm + np.diag(loose)))
     errors = np.sqrt(np.diag(covariance))
     contact, sheet = problem.split(logs)
     freedom = max(1, jacobian.shape[0] - jacobian.shape[1])
     return ContactFit(
         contact,
-        contact * errors[: len(contact)],
+        errors[: len(contact)],
         sheet,
-        sheet * float(errors[-1]) if problem.fit_sheet else 0.0,
+        float(errors[-1]) if problem.fit_sheet else 0.0,
         covariance,
         noise,
         residual,

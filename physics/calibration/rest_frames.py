@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from physics.calibration.scan_space import ScanSpace
 from physics.protocol import Protocol
 
 Array = NDArray[np.float64]
@@ -19,7 +20,7 @@ _BEND = 3.0
 class RestScan:
     """Mean readings (K,M) in volt over ``frames`` rest frames.
 
-    ``noise_v`` is the rms of one reading about its mean within a frame, in the 276-fold whitened coordinates: the noise
+    ``noise_v`` is the rms of one reading about its mean within a frame, in ``ScanSpace`` coordinates: the noise
     of the mean there is ``noise_v / sqrt(frames)`` when frames are independent. ``nonreciprocal_v`` is the rms of the
     mean's part that no resistor network could give, per reading.
     """
@@ -43,8 +44,9 @@ def rest_scan(voltage_v: Array, protocol: Protocol) -> RestScan:
     spread = 1.4826 * np.median(np.abs(voltage - middle), axis=0)
     bent = np.clip(voltage, middle - _BEND * spread, middle + _BEND * spread) if len(voltage) > 2 else voltage
     mean = bent.mean(axis=0)
-    change = (bent - mean).reshape(len(bent), -1) @ protocol.orthonormal
+    space = ScanSpace.of(protocol)
+    change = space.coordinates(bent - mean)
     noise = np.sqrt((change**2).sum() / change.shape[1] / (len(bent) - 1)) if len(bent) > 1 else np.nan
-    _, rest = protocol.split(mean)
-    left = max(1, mean.size - protocol.orthonormal.shape[1])
+    rest = mean.ravel() - space.basis @ space.coordinates(mean)
+    left = max(1, mean.size - space.basis.shape[1])
     return RestScan(mean, len(voltage), float(noise), float(np.sqrt((rest**2).sum() / left)))
