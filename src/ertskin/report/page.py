@@ -9,23 +9,23 @@ from pathlib import Path
 import jinja2
 from matplotlib.figure import Figure
 
-from ertskin.report.figures.image import data_uri
+from ertskin.report.figures.image import data_uri, png
 
 TEMPLATE = Path(__file__).parent / "templates" / "report.html.j2"
 
 
 @dataclass(frozen=True)
 class Picture:
-    """A figure with its caption; ``wide`` ones take the whole width of the page."""
+    """A picture as a ``data:`` address, and its caption; ``wide`` ones take the whole width of the page."""
 
-    figure: Figure
+    uri: str
     caption: str
     wide: bool = False
 
-    @property
-    def uri(self) -> str:
-        """The figure as a ``data:`` address."""
-        return data_uri(self.figure)
+    @classmethod
+    def of(cls, figure: Figure, caption: str, wide: bool = False) -> Picture:
+        """A figure just drawn."""
+        return cls(data_uri(png(figure)), caption, wide)
 
 
 @dataclass(frozen=True)

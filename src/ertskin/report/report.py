@@ -10,7 +10,6 @@ import numpy as np
 
 from ertskin.calibration.result import Calibration
 from ertskin.evaluation.results import PAPER, MethodResult
-from ertskin.report.model_fit import ModelFit
 from ertskin.report.page import Page, Section, write_page
 from ertskin.report.sections.failures import failures
 from ertskin.report.sections.fit import fit
@@ -25,7 +24,8 @@ class ReportInputs:
     """All a report is made of; what is missing is left out of it.
 
     ``methods`` in the order of the table; ``shown`` names the one whose answers are pictured, the first network where
-    it is None. ``recordings`` by the part they play, such as "training" or "one-point test". ``footer``: lines on
+    it is None. ``recordings`` by the part they play, such as "training" or "one-point test".
+    ``calibration_figures``: the folder ``ertskin calibrate`` drew into. ``footer``: lines on
     how the numbers came about (files, seeds, versions).
     """
 
@@ -34,7 +34,7 @@ class ReportInputs:
     shown: str | None = None
     recordings: Mapping[str, Recording] = field(default_factory=dict)
     calibration: Calibration | None = None
-    model: ModelFit | None = None
+    calibration_figures: Path | None = None
     footer: Sequence[str] = ()
 
 
@@ -44,8 +44,8 @@ def write_report(path: Path, inputs: ReportInputs) -> Path:
     sections: list[Section] = []
     if inputs.recordings:
         sections.append(recorded(dict(inputs.recordings)))
-    if inputs.calibration is not None or inputs.model is not None:
-        sections.append(fit(inputs.calibration, inputs.model or ModelFit()))
+    if inputs.calibration is not None:
+        sections.append(fit(inputs.calibration, inputs.calibration_figures))
     sections += [network(inputs.methods, shown), failures(inputs.methods, shown)]
     return write_page(
         path, Page(inputs.title, _summary(shown), _key_numbers(shown), tuple(sections), tuple(inputs.footer))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 
 from ertskin.calibration.result import Calibration
@@ -9,7 +11,6 @@ from ertskin.evaluation.metrics import Score
 from ertskin.evaluation.outcome import Outcome
 from ertskin.evaluation.predictions import evaluate_outcome
 from ertskin.evaluation.results import MethodResult, SeedResult
-from ertskin.report.model_fit import ChangeFit, ErrorSurface, ForceDepth, ModelFit, RestFit, SpecimenCurve
 from ertskin.report.report import ReportInputs
 from hardware.measurement import Frames, Recording
 from physics.history import History
@@ -89,30 +90,7 @@ def recording() -> Recording:
     return Recording("example bench", "2026-01-01", "", sensor(), protocol, Frames(voltage_v.astype("f4"), history))
 
 
-def model_fit() -> ModelFit:
-    """Every comparison of model and measurement."""
-    rng = np.random.default_rng(2)
-    depth_m = np.linspace(0, 4e-3, 40)
-    force_n = 2000 * depth_m
-    stress_pa = np.linspace(0, 1e5, 200)
-    law = 18e3 * np.exp(-stress_pa / 2e4) + 2e3
-    soft_pa, stiff_pa = np.geomspace(1e4, 1e5, 20), np.geomspace(1e5, 1e6, 20)
-    error_m = 1e-5 + 4e-4 * (np.log(soft_pa / 2.8e4)[:, None] ** 2 + 0.05 * np.log(stiff_pa / 3.4e5) ** 2)
-    rest_v = np.abs(rng.normal(1.0, 0.4, 6624))
-    change_v = rng.normal(0.0, 0.1, (40, 6624))
-    read_n = force_n * (1 + 0.02 * rng.standard_normal(40))
-    modelled_v = change_v + 3e-3 * rng.standard_normal((40, 6624))
-    return ModelFit(
-        ForceDepth(depth_m, read_n, None, depth_m, force_n, depth_m, 8e3 * depth_m),
-        SpecimenCurve(stress_pa, law * (1 + 0.02 * rng.standard_normal(200)), stress_pa, law),
-        ErrorSurface(soft_pa, stiff_pa, error_m, (2.8e4, 3.4e5), ("neoprene", "fabric")),
-        RestFit(rest_v, 0.9 * rest_v, rest_v + 2e-3 * rng.standard_normal(6624)),
-        ChangeFit(change_v, modelled_v, np.arange(40) % 36, np.linspace(0.5, 9, 40), TAXEL_M),
-        2e-3,
-    )
-
-
-def inputs() -> ReportInputs:
+def inputs(calibration_figures: Path | None = None) -> ReportInputs:
     """A whole report's worth."""
     law = PiezoPolynomial.fit(*_law_points())
     calibration = Calibration("example.h5", sensor(), law, np.linspace(200, 900, 24), None, 12e3, 2e-3)
@@ -121,7 +99,7 @@ def inputs() -> ReportInputs:
         methods(),
         recordings={"training": recording(), "one-point test": recording()},
         calibration=calibration,
-        model=model_fit(),
+        calibration_figures=calibration_figures,
         footer=("made-up data",),
     )
 

@@ -17,9 +17,9 @@ def png(figure: Figure) -> bytes:
     return stream.getvalue()
 
 
-def data_uri(figure: Figure) -> str:
-    """The PNG as a ``data:`` address."""
-    return "data:image/png;base64," + base64.b64encode(png(figure)).decode()
+def data_uri(content: bytes) -> str:
+    """A PNG as a ``data:`` address."""
+    return "data:image/png;base64," + base64.b64encode(content).decode()
 
 
 def save_png(figure: Figure, path: Path) -> Path:

@@ -26,11 +26,13 @@ def failures(methods: Sequence[MethodResult], shown: MethodResult) -> Section:
     if len(one.map_n):
         answers = {method.name: method.runs[0].outcome for method in methods if method.runs}
         hits = {name: _hit(answer.with_contacts(1)) for name, answer in answers.items() if answer is not None}
-        pictures.append(Picture(hit_rate_by_force(one.true_map_n.sum(axis=1), hits), "Light touches are lost first."))
+        pictures.append(
+            Picture.of(hit_rate_by_force(one.true_map_n.sum(axis=1), hits), "Light touches are lost first.")
+        )
         force = taxel_map(one.taxel_m, run.scores["force_rmse_one_n"].per_taxel, "force RMSE, one point / N")
-        pictures.append(Picture(force, "Where the force is worst."))
+        pictures.append(Picture.of(force, "Where the force is worst."))
     where = taxel_map(outcome.taxel_m, run.scores["location_error_mm"].per_taxel, "location error / mm", form="{:.1f}")
-    pictures.append(Picture(where, "Where the place is worst, over all test frames."))
+    pictures.append(Picture.of(where, "Where the place is worst, over all test frames."))
     wrong = np.flatnonzero(~_hit(outcome))
     words = (
         f"{shown.name}, seed {run.seed}, declares a wrong set of taxels in {len(wrong)} of {len(outcome.map_n)} frames."

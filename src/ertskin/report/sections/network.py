@@ -49,7 +49,7 @@ def _bars(methods: Sequence[MethodResult]) -> list[Picture]:
             metric.factor * PAPER[name][0],
         )
         pictures.append(
-            Picture(drawn, f"{metric.head[0].upper()}{metric.head[1:]}: networks in blue, one tick per seed.")
+            Picture.of(drawn, f"{metric.head[0].upper()}{metric.head[1:]}: networks in blue, one tick per seed.")
         )
     return pictures
 
@@ -71,14 +71,12 @@ def _answers(shown: MethodResult) -> list[Picture]:
             "{:.0f}",
         )
         pictures += [
-            Picture(hit, "One-point hit rate by place (paper's Fig. 10 a)."),
-            Picture(_scatter(one), "Estimated against true force, one point (paper's Fig. 10 b)."),
+            Picture.of(hit, "One-point hit rate by place (Fig. 10a)."),
+            Picture.of(_scatter(one), "Estimated against true force, one point (Fig. 10b)."),
         ]
     if len(two.map_n):
         drawn = two_point_panels(outcome.taxel_m, two.true_map_n, two.believed_map_n)
-        pictures.append(
-            Picture(drawn, "Two-point trials: true maps beside the estimates (paper's Fig. 11).", wide=True)
-        )
+        pictures.append(Picture.of(drawn, "Two-point trials: true maps beside the estimates (Fig. 11).", wide=True))
     return pictures
 
 

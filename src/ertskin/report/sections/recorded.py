@@ -19,7 +19,9 @@ def recorded(recordings: dict[str, Recording]) -> Section:
         low_mm, high_mm = 1e3 * sensor.extent_m
         size = " × ".join(f"{side:.3g}" for side in high_mm - low_mm)
         facts.append(("sensor", f"{size} mm, {sensor.electrodes} electrodes, {len(sensor.taxel_m)} sensing points"))
-        pictures.append(Picture(sensor_layout(sensor), "The sensor from above: electrodes with their numbers, taxels."))
+        pictures.append(
+            Picture.of(sensor_layout(sensor), "The sensor from above: electrodes with their numbers, taxels.")
+        )
     for role, recording in recordings.items():
         if recording.frames is None:
             continue
@@ -34,7 +36,7 @@ def recorded(recordings: dict[str, Recording]) -> Section:
             )
         )
         pictures.append(
-            Picture(_timeline(recording), f"{role.capitalize()}: force and readings along time.", wide=True)
+            Picture.of(_timeline(recording), f"{role.capitalize()}: force and readings along time.", wide=True)
         )
     words = (
         "Presses at known places with known forces, and all potentials of every scan. Changes are counted from the "
