@@ -60,7 +60,7 @@ def _deepest(space: Space, member: Indices, depth: Indices) -> Indices:
     return everywhere
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _bisect(indptr, indices, xy, leaf):  # type: ignore[no-untyped-def]
     """Parents and depths of the sets from the root down, and the set of every vertex."""
     count = len(xy)
@@ -108,7 +108,7 @@ def _bisect(indptr, indices, xy, leaf):  # type: ignore[no-untyped-def]
     return np.array(parent), np.array(depth), member
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _along(xy, nodes, angle):  # type: ignore[no-untyped-def]
     """Place of the nodes along one of four directions, 45 degrees apart; ties broken across it."""
     x, y = xy[nodes, 0], xy[nodes, 1]
@@ -121,7 +121,7 @@ def _along(xy, nodes, angle):  # type: ignore[no-untyped-def]
     return x - y + 1e-7 * x
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _crosses(indptr, indices, node, side, inside, stamp):  # type: ignore[no-untyped-def]
     for k in range(indptr[node], indptr[node + 1]):
         other = indices[k]
@@ -130,7 +130,7 @@ def _crosses(indptr, indices, node, side, inside, stamp):  # type: ignore[no-unt
     return False
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _boundary(indptr, indices, nodes, side, inside, stamp):  # type: ignore[no-untyped-def]
     """How many nodes of side 0 have a neighbour on side 1."""
     width = 0

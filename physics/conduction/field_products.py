@@ -24,7 +24,7 @@ def field_products(space: Space, potential: Array, elements: Indices, tensor: bo
     return product
 
 
-@njit(cache=True, fastmath={"contract"})
+@njit(cache=True, nogil=True, fastmath={"contract"})
 def _multiply(product, elements, slopes, slope, element, potential):  # type: ignore[no-untyped-def]
     points, nodes, _ = slopes.shape
     count = potential.shape[1]

@@ -10,6 +10,7 @@ back.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numba import njit
@@ -21,7 +22,7 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 Flags = NDArray[np.bool_]
 
-BLOCK = 8  # pivots eliminated together
+BLOCK = 4  # pivots eliminated together, rows updated together
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,8 +31,9 @@ class Fronts:
 
     ``node``: unknowns of all fronts one after another, in elimination order within each, from ``node_start``;
     ``pivots`` (S,): how many of them the front eliminates; ``place``: where each node that remains of a front lies in
-    the front above, from ``node_start`` too; ``entry``, ``at``: which matrix entries go where in the front, from
-    ``entry_start``; ``home``: the front of each entry; ``child``: fronts below, from ``child_start``.
+    the front above, from ``node_start`` too; ``child``: fronts below, from ``child_start``. The matrix's entries are
+    numbered front by front: ``rank`` (entries,) gives the new number of each, ``home`` (entries,) the front of each new
+    number, ``at`` its place there, from ``entry_start``.
     """
 
     unknowns: int
@@ -43,7 +45,7 @@ class Fronts:
     parent: Indices
     child: Indices
     child_start: Indices
-    entry: Indices
+    rank: Indices
     at: Indices
     entry_start: Indices
     home: Indices
@@ -100,13 +102,13 @@ class Fronts:
             np.asarray(dissection.parent),
             np.array([c for part in below for c in part], dtype=np.intp),
             np.concatenate([[0], np.cumsum([len(part) for part in below])]),
-            entry,
+            np.argsort(entry),
             at,
             entry_start,
-            home,
+            home[entry],
         )
 
-    @property
+    @cached_property
     def size(self) -> Indices:
         """(S,) unknowns in each front."""
         return np.diff(self.node_start)
@@ -115,14 +117,24 @@ class Fronts:
         """Eliminate the sheet's nodes of the matrix with these entries; ``LinAlgError`` if not positive definite."""
         return self._eliminate(value, np.ones(len(self.pivots), dtype=bool), None)
 
-    def refactor(self, value: Array, changed: Indices, base: FrontalFactor) -> FrontalFactor:
-        """The same, where ``value`` differs from what ``base`` was factored from in the entries ``changed`` only."""
+    def affected(self, entries: Indices) -> Flags:
+        """(S,) the fronts that changes of these entries reach."""
         dirty = np.zeros(len(self.pivots), dtype=bool)
-        dirty[self.home[changed]] = True
-        for k, above in enumerate(self.parent):
-            if dirty[k] and above >= 0:
-                dirty[above] = True
+        _mark(dirty, entries, self.home, self.parent)
+        return dirty
+
+    def refactor(self, value: Array, dirty: Flags, base: FrontalFactor) -> FrontalFactor:
+        """The same, where ``value`` differs from what ``base`` was factored from in the ``dirty`` fronts only.
+
+        ``value`` is read in those fronts alone. ``base`` must be a factorisation of its own.
+        """
         return self._eliminate(value, dirty, base)
+
+    def entries_of(self, dirty: Flags, value: Array) -> Array:
+        """(entries,) copy of the values that belong to some fronts; the others are left undefined."""
+        copy = np.empty_like(value)
+        _copy(copy, value, np.flatnonzero(dirty), self.entry_start)
+        return copy
 
     def _eliminate(self, value: Array, dirty: Flags, base: FrontalFactor | None) -> FrontalFactor:
         need = np.where(dirty, self.size**2, 0)
@@ -131,7 +143,7 @@ class Fronts:
         below, below_offset = (work, offset) if base is None else (base.work, base.offset)
         failed = _eliminate(
             np.flatnonzero(dirty), dirty, work, offset, below, below_offset, value, self.node_start, self.pivots,
-            self.place, self.child, self.child_start, self.entry, self.at, self.entry_start
+            self.place, self.child, self.child_start, self.at, self.entry_start
         )  # fmt: skip
         if failed >= 0:
             raise np.linalg.LinAlgError("the conduction matrix isn't positive definite: conductivity must be positive")
@@ -181,9 +193,9 @@ def _positions(remains: Indices, lists: list[Indices], above: int) -> Indices:
     return np.searchsorted(lists[above], remains) if above >= 0 else np.zeros(len(remains), dtype=np.intp)
 
 
-@njit(cache=True, fastmath={"contract"})
+@njit(cache=True, nogil=True, fastmath={"contract"})
 def _eliminate(  # type: ignore[no-untyped-def]
-    which, dirty, work, offset, below, below_offset, value, node_start, pivots, place, child, child_start, entry, at,
+    which, dirty, work, offset, below, below_offset, value, node_start, pivots, place, child, child_start, at,
     entry_start
 ):  # fmt: skip
     """Fill and eliminate the fronts ``which``; the number of one that isn't positive definite, or -1."""
@@ -191,7 +203,7 @@ def _eliminate(  # type: ignore[no-untyped-def]
         size = node_start[f + 1] - node_start[f]
         flat = work[offset[f] : offset[f] + size * size]
         for k in range(entry_start[f], entry_start[f + 1]):
-            flat[at[k]] += value[entry[k]]
+            flat[at[k]] += value[k]
         front = flat.reshape(size, size)
         for k in range(child_start[f], child_start[f + 1]):
             c = child[k]
@@ -209,7 +221,7 @@ def _eliminate(  # type: ignore[no-untyped-def]
     return -1
 
 
-@njit(cache=True, fastmath={"contract"})
+@njit(cache=True, nogil=True, fastmath={"contract"})
 def _partial_cholesky(a, pivots):  # type: ignore[no-untyped-def]
     """Eliminate the first pivots of the upper triangle in place: rows of U, then what remains."""
     size = len(a)
@@ -220,32 +232,68 @@ def _partial_cholesky(a, pivots):  # type: ignore[no-untyped-def]
                 return False
             a[k, k] = np.sqrt(a[k, k])
             scale = 1.0 / a[k, k]
+            row = a[k]
             for j in range(k + 1, size):
-                a[k, j] *= scale
-            for i in range(k + 1, last):
-                c = a[k, i]
-                for j in range(i, size):
-                    a[i, j] -= c * a[k, j]
+                row[j] *= scale
+            _subtract(a, k, k + 1, k + 1, last)
         if last - first == BLOCK:
-            u0, u1, u2, u3 = a[first], a[first + 1], a[first + 2], a[first + 3]
-            u4, u5, u6, u7 = a[first + 4], a[first + 5], a[first + 6], a[first + 7]
-            for i in range(last, size):
-                row = a[i]
-                c0, c1, c2, c3, c4, c5, c6, c7 = u0[i], u1[i], u2[i], u3[i], u4[i], u5[i], u6[i], u7[i]
-                for j in range(i, size):
-                    row[j] -= (c0 * u0[j] + c1 * u1[j] + c2 * u2[j] + c3 * u3[j]) + (
-                        c4 * u4[j] + c5 * u5[j] + c6 * u6[j] + c7 * u7[j]
-                    )
+            whole = last + (size - last) // BLOCK * BLOCK
+            for i in range(last, whole, BLOCK):
+                _subtract_block(a, first, i)
+            for k in range(first, last):
+                _subtract(a, k, k + 1, whole, size)
         else:
             for k in range(first, last):
-                for i in range(last, size):
-                    c = a[k, i]
-                    for j in range(i, size):
-                        a[i, j] -= c * a[k, j]
+                _subtract(a, k, k + 1, last, size)
     return True
 
 
-@njit(cache=True, fastmath={"contract"})
+@njit(cache=True, nogil=True, fastmath={"contract"})
+def _subtract(a, first, last, start, stop):  # type: ignore[no-untyped-def]
+    """Take the pivots' products from the rows from ``start`` to ``stop``, pivot by pivot."""
+    for k in range(first, last):
+        u = a[k]
+        for i in range(start, stop):
+            c, row = u[i], a[i]
+            for j in range(i, len(a)):
+                row[j] -= c * u[j]
+
+
+@njit(cache=True, nogil=True, fastmath={"contract"})
+def _subtract_block(a, k, i):  # type: ignore[no-untyped-def]
+    """The same for four pivots from ``k`` and four rows from ``i`` at once: each number loaded serves four products."""
+    p, q, r, s = a[k], a[k + 1], a[k + 2], a[k + 3]
+    row0, row1, row2, row3 = a[i], a[i + 1], a[i + 2], a[i + 3]
+    p0, p1, p2, p3 = p[i], p[i + 1], p[i + 2], p[i + 3]
+    q0, q1, q2, q3 = q[i], q[i + 1], q[i + 2], q[i + 3]
+    r0, r1, r2, r3 = r[i], r[i + 1], r[i + 2], r[i + 3]
+    s0, s1, s2, s3 = s[i], s[i + 1], s[i + 2], s[i + 3]
+    for j in range(i, len(a)):
+        pj, qj, rj, sj = p[j], q[j], r[j], s[j]
+        row0[j] -= p0 * pj + q0 * qj + r0 * rj + s0 * sj
+        row1[j] -= p1 * pj + q1 * qj + r1 * rj + s1 * sj
+        row2[j] -= p2 * pj + q2 * qj + r2 * rj + s2 * sj
+        row3[j] -= p3 * pj + q3 * qj + r3 * rj + s3 * sj
+
+
+@njit(cache=True, nogil=True)
+def _mark(dirty, entries, home, parent):  # type: ignore[no-untyped-def]
+    """Flag the fronts of some entries and all above them."""
+    for entry in entries:
+        dirty[home[entry]] = True
+    for k in range(len(parent)):
+        if dirty[k] and parent[k] >= 0:
+            dirty[parent[k]] = True
+
+
+@njit(cache=True, nogil=True)
+def _copy(copy, value, which, entry_start):  # type: ignore[no-untyped-def]
+    for f in which:
+        for k in range(entry_start[f], entry_start[f + 1]):
+            copy[k] = value[k]
+
+
+@njit(cache=True, nogil=True, fastmath={"contract"})
 def _substitute(solved, dirty, work, offset, below, below_offset, node, node_start, pivots):  # type: ignore[no-untyped-def]
     """Forward substitution in place, children before parents."""
     columns = solved.shape[1]
@@ -266,7 +314,7 @@ def _substitute(solved, dirty, work, offset, below, below_offset, node, node_sta
                     row[s] -= c * pivot[s]
 
 
-@njit(cache=True, fastmath={"contract"})
+@njit(cache=True, nogil=True, fastmath={"contract"})
 def _substitute_back(solved, dirty, work, offset, below, below_offset, node, node_start, pivots):  # type: ignore[no-untyped-def]
     """Back substitution in place, from the root down."""
     columns = solved.shape[1]

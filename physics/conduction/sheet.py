@@ -12,7 +12,6 @@ mean-free currents is the transfer matrix.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -20,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_array, csr_array
 
-from physics.conduction.assembly import ElementMap
+from physics.conduction.assembly import ElementMatrices
 from physics.conduction.contact import Contact
 from physics.conduction.dissection import dissect
 from physics.conduction.field_products import field_products
@@ -106,32 +105,12 @@ class SheetModel:
             (np.concatenate([where, entries]), np.concatenate([value, values]))
             for where, value, (entries, values) in zip(touched, mass, coupling, strict=True)
         ]
-        self._entries = len(unique) + touch.nnz
-        self._contact_map = _columns(added, self._entries)
-        self._element_entry = element.reshape(len(self.space.element), -1)
         row = np.concatenate([unique // nodes, nodes + touch.col])
         column = np.concatenate([unique % nodes, touch.row])
         self.fronts = Fronts.of(row, column, dissect(self.space), self.electrodes)
-
-    @cached_property
-    def _conductivity_map(self) -> ElementMap:
-        """The map from a scalar conductivity to the matrix entries."""
-        return self._element_map(lambda x, y, a, b: x[..., a] * x[..., b] + y[..., a] * y[..., b])
-
-    @cached_property
-    def _tensor_maps(self) -> tuple[ElementMap, ElementMap, ElementMap]:
-        """The maps from sigma_xx, sigma_xy and sigma_yy to the matrix entries."""
-        return (
-            self._element_map(lambda x, y, a, b: x[..., a] * x[..., b]),
-            self._element_map(lambda x, y, a, b: x[..., a] * y[..., b] + y[..., a] * x[..., b]),
-            self._element_map(lambda x, y, a, b: y[..., a] * y[..., b]),
-        )
-
-    def _element_map(self, product: Callable[[Array, Array, Indices, Indices], Array]) -> ElementMap:
-        a, b = np.tril_indices(self.space.element.shape[1])
-        gradient = self.space.gradients()
-        local = product(gradient[:, :, 0], gradient[:, :, 1], a, b)
-        return ElementMap(local * self.weight_m2[..., None], self._element_entry, self._entries)
+        rank = self.fronts.rank
+        self._contact_map = _columns([(rank[entries], values) for entries, values in added], len(row))
+        self._matrices = ElementMatrices.of(self.space, rank[element].reshape(len(self.space.element), -1))
 
     @property
     def electrodes(self) -> int:
@@ -142,17 +121,6 @@ class SheetModel:
         """(E,Q) conductivity of a uniform sheet, in siemens."""
         return np.full(self.weight_m2.shape, 1.0 / sheet_resistance_ohm_sq)
 
-    def stiffness(self, conductivity_s: Array) -> Array:
-        """Matrix entries of int sigma grad u . grad v for a conductivity (E,Q) or a tensor (E,Q,3)."""
-        if conductivity_s.shape == self.weight_m2.shape:
-            return self._conductivity_map.apply(conductivity_s)
-        if conductivity_s.shape != (*self.weight_m2.shape, 3):
-            expected = f"{self.weight_m2.shape} or {(*self.weight_m2.shape, 3)}"
-            raise ValueError(f"conductivity has shape {conductivity_s.shape}; expected {expected}")
-        xx, xy, yy = self._tensor_maps
-        part = conductivity_s[..., 0], conductivity_s[..., 1], conductivity_s[..., 2]
-        return xx.apply(part[0]) + xy.apply(part[1]) + yy.apply(part[2])
-
     def solve(self, conductivity_s: Array, contact_resistance_ohm: Array) -> Solution:
         """One conductivity (E,Q) in siemens (or (E,Q,3): xx, xy, yy) and contact resistances (L,) in ohm.
 
@@ -162,21 +130,37 @@ class SheetModel:
         resistance = np.broadcast_to(np.asarray(contact_resistance_ohm, dtype=float), (self.electrodes,))
         if not (resistance > 0).all():
             raise ValueError("contact resistances must be positive")
-        conductivity = np.asarray(conductivity_s, dtype=float)
-        value = self.stiffness(conductivity) + self._contact_map @ (1.0 / (resistance * self.electrode_size))
+        conductivity = self._checked(conductivity_s)
+        value = self._contact_map @ (1.0 / (resistance * self.electrode_size))
+        self._matrices.add(value, np.arange(len(conductivity)), conductivity)
         return Solution(self, conductivity, resistance, value, self.fronts.factor(value))
 
     def solve_again(self, conductivity_s: Array, base: Solution) -> Solution:
-        """``solve`` with the contact resistances of ``base``: only what depends on elements that changed is done again.
+        """``solve`` with the contact resistances of ``base``; only what the elements that changed reach is done again.
 
-        A press changes a few percent of the sheet. Scalar conductivities (E,Q) only.
+        A press changes a few percent of the sheet. A scalar conductivity (E,Q) needs a scalar base, a tensor a tensor.
         """
+        conductivity = self._checked(conductivity_s)
+        base = base if base.origin is None else base.origin
+        if conductivity.shape != base.conductivity_s.shape:
+            raise ValueError(f"the base's conductivity has shape {base.conductivity_s.shape}, not {conductivity.shape}")
+        changed = (conductivity != base.conductivity_s).reshape(len(conductivity), -1)
+        elements = np.flatnonzero(changed.any(axis=1))
+        return self._solve_part(elements, conductivity, base)
+
+    def _solve_part(self, elements: Indices, conductivity: Array, base: Solution) -> Solution:
+        dirty = self.fronts.affected(self._matrices.entry[elements].ravel())
+        value = self.fronts.entries_of(dirty, base.entries)
+        self._matrices.add(value, elements, conductivity[elements] - base.conductivity_s[elements])
+        factor = self.fronts.refactor(value, dirty, base.factor)
+        return Solution(self, conductivity, base.contact_resistance_ohm, value, factor, base)
+
+    def _checked(self, conductivity_s: Array) -> Array:
         conductivity = np.asarray(conductivity_s, dtype=float)
-        elements = np.flatnonzero((conductivity != base.conductivity_s).any(axis=1))
-        value = base.entries.copy()
-        self._conductivity_map.add(value, elements, conductivity[elements] - base.conductivity_s[elements])
-        factor = self.fronts.refactor(value, self._element_entry[elements].ravel(), base.factor)
-        return Solution(self, conductivity, base.contact_resistance_ohm, value, factor)
+        scalar = self.weight_m2.shape
+        if conductivity.shape not in (scalar, (*scalar, 3)):
+            raise ValueError(f"conductivity has shape {conductivity.shape}; expected {scalar} or {(*scalar, 3)}")
+        return conductivity
 
     def contact_losses(self, potential: Array) -> Array:
         """(L,k,k) int_l (u_i - U_i)(u_j - U_j) over each electrode, for unit potentials on one electrode at a time.
@@ -199,7 +183,8 @@ class SheetModel:
 class Solution:
     """Fields and transfer matrix of one conductivity; derivatives by the adjoint, dT_ij = -int ds grad u_i . grad u_j.
 
-    ``entries``: the matrix's entries; ``factor``: what was eliminated.
+    ``entries``: the matrix's entries; ``factor``: what was eliminated; ``origin``: the solution this one was solved
+    again from, whose fronts and entries hold where nothing changed.
     """
 
     model: SheetModel
@@ -207,6 +192,7 @@ class Solution:
     contact_resistance_ohm: Array
     entries: Array
     factor: FrontalFactor
+    origin: Solution | None = None
 
     @cached_property
     def transfer_ohm(self) -> Array:
