@@ -10,7 +10,19 @@ from hardware.virtual.bench.bench import Bench
 from hardware.virtual.bench.effects import EFFECTS
 from hardware.virtual.bench.live import LiveSkin
 from hardware.virtual.bench.skin import FAST, FINE, FINEST
-from hardware.virtual.bench.truth import Noise, Truth, draw_truth
+from hardware.virtual.bench.truth import BAD_RIG, Noise, Truth, draw_truth
 from hardware.virtual.bench.writing import write_bench
 
-__all__ = ["EFFECTS", "FAST", "FINE", "FINEST", "Bench", "LiveSkin", "Noise", "Truth", "draw_truth", "write_bench"]
+__all__ = [
+    "BAD_RIG",
+    "EFFECTS",
+    "FAST",
+    "FINE",
+    "FINEST",
+    "Bench",
+    "LiveSkin",
+    "Noise",
+    "Truth",
+    "draw_truth",
+    "write_bench",
+]

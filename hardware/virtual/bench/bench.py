@@ -118,7 +118,7 @@ class _Run:
         self._rng = bench.truth.rng(f"repeatability {purpose}")
         self._press: int | None = None
         self._gain = 1.0
-        self._walk_ohm = np.zeros(bench.sensor.electrodes)
+        self._walk = np.zeros(bench.sensor.electrodes)
         self._jump_ohm = np.zeros(bench.sensor.electrodes)
         self._held = silent
         self._silent = silent
@@ -167,9 +167,8 @@ class _Run:
         middle = time_s + self.scan_s / 2
         self._held = pressure
         self._rest_on(pressure, middle)
-        return self.electronics.potentials_read(
-            self.skin.transfer_ohm(pressure, middle, self._walk_ohm + self._jump_ohm)
-        )
+        contact = np.array(self.truth.contact_ohm) * np.exp(self._walk) + self._jump_ohm
+        return self.electronics.potentials_read(self.skin.transfer_ohm(pressure, middle, contact))
 
     def _rest_on(self, pressure_pa: Array, until_s: float) -> None:
         self.skin.dwell(pressure_pa, max(until_s - self._now_s, 0.0))
@@ -202,9 +201,9 @@ class _Run:
         self._press = press
         noise = self.truth.noise
         self._gain = float(np.exp(self._rng.normal(0.0, 1.0) * noise.press_gain))
-        self._walk_ohm = self._walk_ohm + self._rng.normal(0.0, 1.0, len(self._walk_ohm)) * noise.walk_ohm
+        self._walk = 0.85 * self._walk + self._rng.normal(0.0, 1.0, len(self._walk)) * noise.walk_share
         loose = self.truth.parameters("intermittent_electrode")
         jump, chance = self._rng.exponential(1.0), self._rng.random()
-        self._jump_ohm = np.zeros_like(self._walk_ohm)
+        self._jump_ohm = np.zeros_like(self._walk)
         if loose and chance < loose["share"]:
             self._jump_ohm[loose["electrode"]] = loose["jump_ohm"] * jump

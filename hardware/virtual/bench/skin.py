@@ -156,12 +156,16 @@ class BenchSkin:
         part = conductivity_s[element]
         return part if self._grain is None else part[..., None] * self._grain
 
-    def transfer_ohm(self, pressure_pa: Array, time_s: float, contact_shift_ohm: Array | float = 0.0) -> Array:
-        """(L,L) transfer matrix now, under a pressure at a time; call ``dwell`` first, this remembers nothing."""
+    def transfer_ohm(self, pressure_pa: Array, time_s: float, contact_ohm: Array | None = None) -> Array:
+        """(L,L) transfer matrix now, under a pressure at a time; call ``dwell`` first, this remembers nothing.
+
+        ``contact_ohm`` (L,) unpressed contact resistances, the truth's without it.
+        """
         conductivity = self._sheet_conductivity(self._effective)
         changed = (np.abs(conductivity / self._unloaded - 1.0) > self.resolution.unchanged).any(axis=1)
         warmth = self._warmth(time_s)
-        contact = (self._contact * self._contact_factor(pressure_pa) + contact_shift_ohm) / warmth
+        unpressed = self._contact if contact_ohm is None else contact_ohm
+        contact = unpressed * self._contact_factor(pressure_pa) / warmth
         moved = np.abs(contact / self._reference.contact_ohm - 1.0) > 1e-9
         changed |= (self.sheet.pad >= 0) & moved[self.sheet.pad]
         factor: Factor = self._reference

@@ -18,19 +18,23 @@ class Noise:
     """How the readings err: all amplitudes in the unit of the name.
 
     ``coloured_share`` of the white variance is correlated along the scan; ``spike_share`` of the readings are off by
-    about ``spike_v``; a press is off by ``press_gain`` (relative), every contact resistance walks by ``walk_ohm`` from
-    press to press, and weights are put down within ``placement_m``.
+    about ``spike_v``; a press is off by ``press_gain`` (relative), every contact resistance walks by ``walk_share`` of
+    itself from press to press and is drawn back, and weights are put down within ``placement_m``.
     """
 
     white_v: float = 2e-3
     coloured_share: float = 0.0
     spike_share: float = 0.0
     spike_v: float = 0.05
-    walk_ohm: float = 0.0
+    walk_share: float = 0.0
     press_gain: float = 0.0
     placement_m: float = 0.0
     force_n: float = 0.01
     specimen_share: float = 0.0025
+
+
+BAD_RIG = Noise(spike_share=0.003, spike_v=0.1, walk_share=0.08, press_gain=0.02, placement_m=1e-3)
+"""A bench with spikes, contacts that drift, presses that don't repeat and weights put down by hand."""
 
 
 @dataclass(frozen=True)

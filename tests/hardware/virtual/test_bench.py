@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from hardware.recording import read_recording
-from hardware.virtual.bench import EFFECTS, FAST, Bench, LiveSkin, Noise, Truth, draw_truth, write_bench
+from hardware.virtual.bench import BAD_RIG, EFFECTS, FAST, Bench, LiveSkin, Noise, Truth, draw_truth, write_bench
 from hardware.virtual.bench.nominal import nominal_sensor
 from hardware.virtual.bench.plans import PLANS, WEIGHT_N, presses
 from hardware.virtual.bench.sealing import SealError, seal, unseal
@@ -109,6 +109,13 @@ def test_noise_has_the_size_it_was_given():
         assert error.std() == pytest.approx(2e-3, rel=0.05)
         neighbours = np.corrcoef(error[:, :-1].ravel(), error[:, 1:].ravel())[0, 1]
         assert neighbours == pytest.approx(0.97 * noise.coloured_share, abs=0.05)
+
+
+def test_contacts_of_a_bad_rig_walk_from_press_to_press():
+    truth = draw_truth(SENSOR, 1, noise=replace(BAD_RIG, spike_share=0.0))
+    frames = Bench(truth, resolution=FAST).frames(SHORT, "bad", ideal=True)
+    first, second = (frames.voltage_v[SHORT.phase == Phase.REST][number] for number in (0, 1))
+    assert 2e-3 < np.abs(first - second).std() < 2e-2
 
 
 def test_recording_comes_back_from_disk_the_same_for_the_same_seed(tmp_path: Path):
