@@ -99,7 +99,8 @@ def network_result(name: str, trained: dict[int, Reconstruction], frames: TestFr
             if reads_coordinates
             else reconstruction.estimate(frames.readings_v)
         )
-        runs.append(_scored(seed, frames.outcome(estimate.force_map_n, estimate.present, estimate.contact_m)))
+        outcome = frames.outcome(estimate.force_map_n, estimate.present, estimate.contact_m)
+        runs.append(SeedResult(seed, evaluate_outcome(outcome), outcome, reconstruction.about.get("run_id")))
     return MethodResult(name, "network", tuple(runs), note)
 
 

@@ -31,11 +31,12 @@ PAPER = {
 
 @dataclass(frozen=True, eq=False)
 class SeedResult:
-    """One training of a method: its scores by metric name, and what it said of the test frames."""
+    """One training of a method: its scores by metric name, what it said of the test frames, and its MLflow run."""
 
     seed: int
     scores: dict[str, Score]
     outcome: Outcome | None = None
+    run_id: str | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,0 +1,28 @@
+"""Test trained networks beside the yardsticks, and write the report.
+
+``one=FILE`` and ``two=FILE`` are test recordings of single presses and of two weights. Every metric goes to a table on
+the terminal, to evaluation.json and .csv, to MLflow, and to report.html.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from omegaconf import DictConfig
+
+
+def run(config: DictConfig) -> None:
+    """Evaluate, and print the table and where the report is."""
+    from rich.console import Console
+
+    from ertskin.evaluation.evaluate import evaluate
+    from ertskin.evaluation.summary import print_table
+
+    console = Console()
+    with console.status("evaluating") as status:
+        done = evaluate(config, lambda line: status.update(f"evaluating: {line}"))
+    print_table(console, done.methods)
+    for line in done.remarks:
+        console.print(line, soft_wrap=True, highlight=False)
+    console.print(f"report: {done.report}", soft_wrap=True, highlight=False)

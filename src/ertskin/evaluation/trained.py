@@ -1,0 +1,75 @@
+"""The trained networks to be evaluated: found, loaded, grouped by what differs besides the seed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ertskin.errors import UserError
+from ertskin.models.reconstruction import Reconstruction
+from ertskin.tracking.model import load_model
+from ertskin.tracking.run import flattened
+from ertskin.tracking.settings import TrackingSettings
+
+Array = NDArray[np.float64]
+Group = dict[int, Reconstruction]
+# Parts of a training's configuration that don't make it another method.
+ASIDE = ("seed", "tracking", "out", "cluster", "recording", "calibration", "experiment")
+
+
+def given_models(names: Sequence[str], tracking: TrackingSettings) -> list[Reconstruction]:
+    """Models named by a file, by the folder of a job, or by the id of an MLflow run."""
+    found = []
+    for name in names:
+        path = Path(name) / "model.pt" if Path(name).is_dir() else Path(name)
+        found.append(Reconstruction.load(path) if path.is_file() else load_model(tracking, name))
+    return found
+
+
+def finished_models(folder: Path, recording: Path) -> list[Reconstruction]:
+    """Models of all jobs below ``folder`` that learned from ``recording``; ``UserError`` where there is none."""
+    done = sorted(path.parent for path in folder.glob("*/done.json"))
+    models = [Reconstruction.load(job / "model.pt") for job in done]
+    own = [model for model in models if _same(model.about["config"].get("recording"), recording)]
+    if not own:
+        raise UserError(
+            f"no finished training on {recording} below {folder}: run ertskin train recording={recording}, "
+            "or name models=[FILE,...]"
+        )
+    return own
+
+
+def on_grid(models: Sequence[Reconstruction], taxel_m: Array) -> list[Reconstruction]:
+    """Those that answer for the taxels ``taxel_m`` (n,2); a network for another grid can't be compared on this one."""
+    return [model for model in models if _taxels_equal(model, taxel_m)]
+
+
+def grouped(models: Sequence[Reconstruction]) -> dict[str, Group]:
+    """Name -> seed -> model. Trainings that differ in more than the seed get names that say in what."""
+    configs = [{k: v for k, v in flattened(_config(model)).items() if k.split(".")[0] not in ASIDE} for model in models]
+    groups: dict[str, Group] = {}
+    for model, config in zip(models, configs, strict=True):
+        name = str(config.get("model.name", type(model.network).__name__))
+        alike = [other for other in configs if other.get("model.name") == config.get("model.name")]
+        differing = [key for key in config if any(other.get(key) != config[key] for other in alike)]
+        words = ", ".join(f"{key.removeprefix('model.')} {config[key]}" for key in sorted(differing))
+        seeds = groups.setdefault(f"{name} ({words})" if words else name, {})
+        seeds[int(_config(model).get("seed", len(seeds)))] = model
+    return groups
+
+
+def _config(model: Reconstruction) -> dict[str, Any]:
+    return dict(model.about.get("config", {}))
+
+
+def _same(named: str | None, recording: Path) -> bool:
+    return named is not None and Path(named).resolve() == recording.resolve()
+
+
+def _taxels_equal(model: Reconstruction, taxel_m: Array) -> bool:
+    own = np.asarray(model.network.taxel_m, dtype=float)
+    return own.shape == taxel_m.shape and np.allclose(own, taxel_m, atol=1e-6)
