@@ -19,7 +19,7 @@ from ertskin.data.material import Material
 from ertskin.data.noise import Evidence
 from ertskin.data.shards import request_key
 from ertskin.data.skin_forward import SkinForward
-from ertskin.data.synthesis import Plan, synthesize
+from ertskin.data.synthesis import Forward, Plan, synthesize
 from ertskin.data.touches import Touches, touches_of
 from ertskin.data.trials import TrialSet, joined
 from ertskin.errors import UserError
@@ -50,8 +50,7 @@ def simulated(config: DictConfig) -> Material:
     changes_ohm = forward.change_ohm(real.history.contact_m, real.history.force_n)
     residual_v = real.readings_v.reshape(-1, *protocol.shape) - protocol.readings(changes_ohm)
     noise = build_noise(Evidence(protocol, touches.rest_v, residual_v if len(real) > 1 else None))
-    blank = np.zeros((len(real), len(taxel_m)))  # a denoiser learns readings, no forces
-    pairs = TrialSet(changes_ohm, blank, real.history.contact_m, real.history.force_n, real.readings_v)
+    pairs = denoiser_pairs(touches_of(recording, rests=True), forward, len(taxel_m))
     material = Material(protocol, taxel_m, trials, noise, checksum, joined([pairs, denoiser]))
     if config.data.discrepancy and config.model.denoiser is None and len(real):
         return _corrected(material, real, changes_ohm)
@@ -80,10 +79,21 @@ def plain(config: DictConfig) -> dict[str, Any]:
 
 
 def rising(touches: Touches) -> Touches:
-    """The frames of one-point presses whose force is not falling: a touch is read as it comes."""
-    phase = touches.history.phase
+    """The frames of one-point presses whose force rises: a touch is read as it comes, before the skin creeps."""
     single = touches.history.touched.sum(axis=1) == 1
-    return touches[np.flatnonzero(single & ((phase == Phase.LOADING) | (phase == Phase.HOLD)))]
+    return touches[np.flatnonzero(single & (touches.history.phase == Phase.LOADING))]
+
+
+def denoiser_pairs(touches: Touches, forward: Forward, taxels: int) -> TrialSet:
+    """Measured changes beside simulated ones: the rising frames and the rest before each press, 324 in the paper.
+
+    ``touches`` come with rests. Their force maps stay blank: a denoiser learns readings, no forces.
+    """
+    phase = touches.history.phase
+    real = touches[np.flatnonzero((phase == Phase.LOADING) | (phase == Phase.REST))]
+    changes_ohm = forward.change_ohm(real.history.contact_m, real.history.force_n)
+    blank = np.zeros((len(real), taxels))
+    return TrialSet(changes_ohm, blank, real.history.contact_m, real.history.force_n, real.readings_v)
 
 
 def recorded_discrepancy(material: Material, real: Touches, changes_ohm: Array) -> Discrepancy:

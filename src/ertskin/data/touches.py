@@ -58,8 +58,11 @@ class Touches:
         return label
 
 
-def touches_of(recording: Recording) -> Touches:
-    """Every frame of ``recording`` with a contact; ``UserError`` where frames, protocol or rest frames are missing."""
+def touches_of(recording: Recording, *, rests: bool = False) -> Touches:
+    """Every frame of ``recording`` with a contact; with ``rests`` also the rest frame before each press.
+
+    Raises ``UserError`` where frames, protocol or rest frames are missing.
+    """
     if recording.frames is None or recording.protocol is None:
         raise UserError("the recording has no frames with a protocol: nothing to learn touches from")
     history, protocol = recording.frames.history, recording.protocol
@@ -68,6 +71,8 @@ def touches_of(recording: Recording) -> Touches:
     weights = rest_weights(history, coordinates)
     rest = history.phase == 0
     touched = np.asarray(history.touched.any(axis=1))
+    if rests:
+        touched |= rest & np.isin(history.press, history.press[touched])
     flat = voltage.reshape(len(voltage), -1)
     change = coordinates - weights @ coordinates[rest]
     raw = flat[touched] - weights[touched] @ flat[rest]
