@@ -15,6 +15,7 @@ from hardware.virtual.bench.indenter import MOVE_S, Stage, interpolation
 from hardware.virtual.bench.nominal import nominal_protocol, nominal_sensor
 from hardware.virtual.bench.piezo import ClosingLaw, LogCreep, WedgeMemory
 from hardware.virtual.bench.plans import PLANS
+from hardware.virtual.bench.repeatability import Repeatability
 from hardware.virtual.bench.skin import FINE, BenchSkin, Resolution
 from hardware.virtual.bench.truth import Truth
 from physics.history import History
@@ -115,11 +116,8 @@ class _Run:
         silent = np.zeros(self.skin.sheet.points_m.shape[:2])
         rest = self.electronics.potentials_read(self.skin.transfer_ohm(silent, 0.0))
         self.electronics.top_v = float(rest.max())
-        self._rng = bench.truth.rng(f"repeatability {purpose}")
+        self._repeatability = Repeatability(bench.truth, purpose)
         self._press: int | None = None
-        self._gain = 1.0
-        self._walk = np.zeros(bench.sensor.electrodes)
-        self._jump_ohm = np.zeros(bench.sensor.electrodes)
         self._held = silent
         self._silent = silent
         self._now_s = 0.0
@@ -127,7 +125,9 @@ class _Run:
 
     def frame(self, history: History, number: int) -> tuple[Array, Array]:
         """((K,M) ideal readings, (P,) mean forces) of one frame; frames must be asked for in order."""
-        self._next_press(int(history.press[number]))
+        if history.press[number] != self._press:
+            self._press = int(history.press[number])
+            self._repeatability.next_press()
         time_s = float(history.time_s[number])
         touched = history.touched[number]
         moving = self._previous >= 0 and not np.array_equal(
@@ -142,7 +142,7 @@ class _Run:
         self._previous = number
         forces = self._forces(history, number, touched, time_s)
         landing = self._landing(history, number)
-        gain = np.where(touched, self._gain, 0.0)
+        gain = np.where(touched, self._repeatability.gain, 0.0)
         mean = np.trapezoid(forces, axis=0) / (len(forces) - 1)
         reading = self._scan(landing, gain * mean, gain * forces, time_s)
         mean = np.where(touched, mean, np.nan)
@@ -152,11 +152,10 @@ class _Run:
 
     def _scan(self, landing_m: Array, mean_n: Array, forces_n: Array, time_s: float) -> Array:
         """(K,M) readings; where the press moves during the scan, interpolated between three of its forces."""
-        swing = np.ptp(forces_n, axis=0).max()
-        if not self._skewed or swing < 1e-6:
-            return self._read(landing_m, mean_n, time_s)
         course = forces_n.sum(axis=1)
-        nodes = np.array([course.min(), (course.min() + course.max()) / 2, course.max()])
+        if not self._skewed or abs(course[-1] - course[0]) < 1e-6:
+            return self._read(landing_m, mean_n, time_s)
+        nodes = np.linspace(course[0], course[-1], 3)
         share = mean_n / mean_n.sum()
         reading = np.stack([self._read(landing_m, node * share, time_s) for node in nodes])
         at = np.interp(self.electronics.offset_s, self._instants_s, course)
@@ -167,8 +166,8 @@ class _Run:
         middle = time_s + self.scan_s / 2
         self._held = pressure
         self._rest_on(pressure, middle)
-        contact = np.array(self.truth.contact_ohm) * np.exp(self._walk) + self._jump_ohm
-        return self.electronics.potentials_read(self.skin.transfer_ohm(pressure, middle, contact))
+        transfer = self.skin.transfer_ohm(pressure, middle, self._repeatability.contact_ohm)
+        return self.electronics.potentials_read(transfer)
 
     def _rest_on(self, pressure_pa: Array, until_s: float) -> None:
         self.skin.dwell(pressure_pa, max(until_s - self._now_s, 0.0))
@@ -190,20 +189,5 @@ class _Run:
 
     def _landing(self, history: History, number: int) -> Array:
         landing = self.skin.landing_m(history.contact_m[number])
-        if self.truth.noise.placement_m > 0.0 and np.isnan(history.depth_m[number]).all():
-            landing = landing + self._rng.normal(0.0, self.truth.noise.placement_m, landing.shape)
-        return landing
-
-    def _next_press(self, press: int) -> None:
-        """Everything that changes from press to press."""
-        if press == self._press:
-            return
-        self._press = press
-        noise = self.truth.noise
-        self._gain = float(np.exp(self._rng.normal(0.0, 1.0) * noise.press_gain))
-        self._walk = 0.85 * self._walk + self._rng.normal(0.0, 1.0, len(self._walk)) * noise.walk_share
-        loose = self.truth.parameters("intermittent_electrode")
-        jump, chance = self._rng.exponential(1.0), self._rng.random()
-        self._jump_ohm = np.zeros_like(self._walk)
-        if loose and chance < loose["share"]:
-            self._jump_ohm[loose["electrode"]] = loose["jump_ohm"] * jump
+        by_hand = bool(np.isnan(history.depth_m[number]).all())
+        return self._repeatability.placed_m(landing) if by_hand else landing

@@ -11,6 +11,7 @@ from threadpoolctl import threadpool_limits
 from hardware.virtual.bench.acquisition import Electronics
 from hardware.virtual.bench.indenter import Stage, interpolation
 from hardware.virtual.bench.nominal import nominal_protocol, nominal_sensor
+from hardware.virtual.bench.repeatability import Repeatability
 from hardware.virtual.bench.skin import FINE, BenchSkin, Resolution
 from hardware.virtual.bench.truth import Truth
 from physics.protocol import Protocol
@@ -44,11 +45,15 @@ class LiveSkin:
         rest = self._electronics.potentials_read(self._skin.transfer_ohm(self._silent, 0.0))
         self._electronics.top_v = float(rest.max())
         self._stage = Stage(truth, self._skin.stiffness_n_per_m)
+        self._repeatability = Repeatability(truth, "live")
         self._felt_s = 0.0
 
     def advance(self, time_s: float, contact_m: Array | None, depth_m: float) -> float:
         """Load cell in newton, the stage now ``depth_m`` deep at ``contact_m`` (2,); none or less is in the air."""
+        in_air = self._stage.place_m is None
         force = self._stage.move(time_s, contact_m, depth_m)
+        if in_air and self._stage.place_m is not None:
+            self._repeatability.next_press()
         return force + float(self._rng.normal(0.0, self._noise_n))
 
     def scan(self, time_s: float) -> Array:
@@ -58,11 +63,11 @@ class LiveSkin:
         sampled = np.linspace(0.0, max(scan_s, 1e-3), 9 if self._skewed else 3)
         forces = deepcopy(self._stage).during_scan(time_s, sampled)
         self._stage.stand()
-        if not self._skewed or np.ptp(forces) < 1e-6:
+        if not self._skewed or abs(forces[-1] - forces[0]) < 1e-6:
             mean = float(np.trapezoid(forces, sampled) / sampled[-1])
             return self._electronics.scan(self._read(mean, middle), time_s)
         course = np.interp(self._electronics.offset_s, sampled, forces)
-        nodes = np.array([course.min(), (course.min() + course.max()) / 2, course.max()])
+        nodes = np.linspace(forces[0], forces[-1], 3)
         readings = np.stack([self._read(node, middle) for node in nodes])
         share = interpolation(nodes, course)
         return self._electronics.scan(np.einsum("kn,nkm->km", share, readings), time_s)
@@ -72,7 +77,9 @@ class LiveSkin:
         pressure = self._silent
         if place is not None and force_n > 0.0:
             landing = self._skin.landing_m(place)[None]
-            pressure = self._skin.pressure_pa(landing, np.array([force_n]), self._stage.stiffened)
+            felt = np.array([force_n * self._repeatability.gain])
+            pressure = self._skin.pressure_pa(landing, felt, self._stage.stiffened)
         self._skin.dwell(pressure, max(time_s - self._felt_s, 0.0))
         self._felt_s = max(time_s, self._felt_s)
-        return self._electronics.potentials_read(self._skin.transfer_ohm(pressure, time_s))
+        transfer = self._skin.transfer_ohm(pressure, time_s, self._repeatability.contact_ohm)
+        return self._electronics.potentials_read(transfer)
