@@ -36,6 +36,7 @@ class PlacesNetwork(Network):
         self,
         inputs: int,
         taxel_m: list[list[float]],
+        components: int = 96,
         width: int = 256,
         blocks: int = 2,
         dropout: float = 0.0,
@@ -43,12 +44,20 @@ class PlacesNetwork(Network):
         threshold: float = 0.5,
     ) -> None:
         super().__init__()
-        self.arguments = {"inputs": inputs, "taxel_m": taxel_m, "width": width, "blocks": blocks, "dropout": dropout}
-        self.arguments |= {"reach": reach, "threshold": threshold}
+        self.arguments = dict(
+            inputs=inputs,
+            taxel_m=taxel_m,
+            components=components,
+            width=width,
+            blocks=blocks,
+            dropout=dropout,
+            reach=reach,
+            threshold=threshold,
+        )
         self.reach, self.threshold = reach, threshold
         self.register_buffer("taxel_m", torch.tensor(taxel_m))
         self.spacing_m = grid_spacing_m(np.array(taxel_m))
-        self.trunk = Trunk(inputs, width, blocks, dropout)
+        self.trunk = Trunk(inputs, components, width, blocks, dropout)
         self.head = nn.Linear(width, 4 * len(taxel_m))
 
     def prepare(self, protocol: Protocol, trials: TrialSet, noise: Noise, seed: int) -> TrialTensors:

@@ -24,15 +24,23 @@ class ReciprocalNetwork(TouchNetwork):
         self,
         inputs: int,
         taxel_m: list[list[float]],
+        components: int = 96,
         width: int = 256,
         blocks: int = 2,
         dropout: float = 0.0,
         threshold: float = 0.5,
     ) -> None:
         super().__init__(taxel_m, threshold)
-        self.arguments = {"inputs": inputs, "taxel_m": taxel_m, "width": width, "blocks": blocks, "dropout": dropout}
-        self.arguments["threshold"] = threshold
-        self.trunk = Trunk(inputs, width, blocks, dropout)
+        self.arguments = dict(
+            inputs=inputs,
+            taxel_m=taxel_m,
+            components=components,
+            width=width,
+            blocks=blocks,
+            dropout=dropout,
+            threshold=threshold,
+        )
+        self.trunk = Trunk(inputs, components, width, blocks, dropout)
         self.head = nn.Linear(width, 2 * len(taxel_m))
 
     def prepare(self, protocol: Protocol, trials: TrialSet, noise: Noise, seed: int) -> TrialTensors:

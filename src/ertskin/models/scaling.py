@@ -37,17 +37,20 @@ class Standardise(nn.Module):
 
 
 class NoiseWhitening(nn.Module):
-    """Inputs in units of the noise: multiplied by the inverse Cholesky factor of its covariance.
+    """The strongest ``outputs`` directions of the inputs, in units of the noise.
 
-    Directions in which the baseline wanders shrink, quiet ones grow: every output carries noise of unit variance,
-    independent of the others.
+    The inverse Cholesky factor of the noise's covariance makes the noise white: directions in which the baseline
+    wanders shrink, quiet ones grow. Then the principal directions of the signal are kept; where it has none there is
+    only noise. ``strength``: rms of the values it was fitted on, in units of the noise.
     """
 
     matrix: Tensor
+    strength: Tensor
 
-    def __init__(self, inputs: int) -> None:
+    def __init__(self, inputs: int, outputs: int) -> None:
         super().__init__()
-        self.register_buffer("matrix", torch.eye(inputs))
+        self.register_buffer("matrix", torch.eye(inputs)[:, :outputs].clone())
+        self.register_buffer("strength", torch.ones(()))
 
     def fit(self, values: Array, covariance: Array, floor: float = 1e-3) -> None:
         """From (N,inputs) clean values and the noise's covariance.
@@ -56,8 +59,12 @@ class NoiseWhitening(nn.Module):
         """
         least = (floor * np.sqrt(np.mean(values**2))) ** 2
         factor = np.linalg.cholesky(covariance + least * np.eye(len(covariance)))
-        self.matrix.copy_(torch.from_numpy(np.linalg.inv(factor).T))
+        white = np.linalg.inv(factor).T
+        power, direction = np.linalg.eigh(white.T @ (values.T @ values / len(values)) @ white)
+        kept = self.matrix.shape[1]
+        self.matrix.copy_(torch.from_numpy(white @ direction[:, ::-1][:, :kept]))
+        self.strength.fill_(float(np.sqrt(power[::-1][:kept].mean())))
 
     def forward(self, values: Tensor) -> Tensor:
-        """(…,inputs) to the same shape."""
+        """(…,inputs) to (…,outputs)."""
         return values @ self.matrix

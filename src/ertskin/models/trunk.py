@@ -19,15 +19,17 @@ NOISE_ROWS = 8192
 class Trunk(nn.Module):
     """P whitened coordinates of a voltage change to ``width`` features.
 
-    First in units of the noise, then compressed: the inverse hyperbolic sine is linear below the noise and
-    logarithmic far above it, so a light press and a hard one are both seen. The direction of the change, which
-    hardly depends on the force, goes in beside it. Then ``blocks`` residual blocks.
+    Their strongest ``components`` enter in units of the noise, in three ways. As they are: changes of several light
+    contacts nearly add up. By their direction, which hardly depends on the force. Compressed by the inverse hyperbolic
+    sine, linear below the noise and logarithmic far above it, so that a light press and a hard one are both seen. Then
+    ``blocks`` residual blocks.
     """
 
-    def __init__(self, inputs: int, width: int, blocks: int, dropout: float = 0.0) -> None:
+    def __init__(self, inputs: int, components: int, width: int, blocks: int, dropout: float = 0.0) -> None:
         super().__init__()
-        self.whiten = NoiseWhitening(inputs)
-        self.enter = nn.Linear(2 * inputs, width)
+        kept = min(components, inputs)
+        self.whiten = NoiseWhitening(inputs, kept)
+        self.enter = nn.Linear(3 * kept, width)
         self.blocks = nn.ModuleList(_block(width, dropout) for _ in range(blocks))
         self.leave = nn.LayerNorm(width)
 
@@ -41,10 +43,11 @@ class Trunk(nn.Module):
         return TrialTensors(self.whiten(torch.from_numpy(change_v).float()), targets, bank)
 
     def forward(self, whitened: Tensor) -> Tensor:
-        """(N,P) in units of the noise to (N,width)."""
+        """(N,components) in units of the noise to (N,width)."""
         length = (1.0 + whitened.square().sum(dim=1, keepdim=True)).sqrt()
         direction = whitened / length * whitened.shape[1] ** 0.5
-        features = self.enter(torch.cat([torch.asinh(whitened), direction], dim=1))
+        ways = [whitened / self.whiten.strength, direction, torch.asinh(whitened)]
+        features = self.enter(torch.cat(ways, dim=1))
         for block in self.blocks:
             features = features + block(features)
         return self.leave(features)
