@@ -71,6 +71,8 @@ def test_every_effect_shows_and_fades_with_its_strength(name: str, plain: tuple[
     change = []
     for strength in (1.5, 6.0) if name == "frozen_channel" else (0.25, 1.0):
         truth = draw_truth(SENSOR, 1, {name: strength})
+        if name == "intermittent_electrode":
+            truth.effects[name]["parameters"]["share"] = 1.0
         if name in local:
             truth.effects[name]["parameters"]["center_m"] = SENSOR.taxel_m[9].tolist()
         voltage, force = run(truth, history)
