@@ -12,7 +12,7 @@ from physics.protocol import Protocol
 
 Array = NDArray[np.float64]
 
-_BEND = 3.0
+_BEND = 5.0
 """Samples further than this many robust sigmas from their median are moved to that distance."""
 
 
@@ -20,7 +20,7 @@ _BEND = 3.0
 class RestScan:
     """Mean readings (K,M) in volt over ``frames`` rest frames.
 
-    ``noise_v`` is the rms of one reading about its mean within a frame, in ``ScanSpace`` coordinates: the noise
+    ``noise_v`` is the robust scatter of a frame about the mean in ``ScanSpace`` coordinates, one reading's noise: that
     of the mean there is ``noise_v / sqrt(frames)`` when frames are independent. ``nonreciprocal_v`` is the rms of the
     mean's part that no resistor network could give, per reading.
     """
@@ -45,8 +45,9 @@ def rest_scan(voltage_v: Array, protocol: Protocol) -> RestScan:
     bent = np.clip(voltage, middle - _BEND * spread, middle + _BEND * spread) if len(voltage) > 2 else voltage
     mean = bent.mean(axis=0)
     space = ScanSpace.of(protocol)
-    change = space.coordinates(bent - mean)
-    noise = np.sqrt((change**2).sum() / change.shape[1] / (len(bent) - 1)) if len(bent) > 1 else np.nan
+    change = space.coordinates(voltage - mean)
+    enough = np.sqrt(len(voltage) / (len(voltage) - 1)) if len(voltage) > 1 else np.nan
+    noise = 1.4826 * np.median(np.abs(change)) * enough
     rest = mean.ravel() - space.basis @ space.coordinates(mean)
     left = max(1, mean.size - space.basis.shape[1])
     return RestScan(mean, len(voltage), float(noise), float(np.sqrt((rest**2).sum() / left)))

@@ -20,9 +20,11 @@ class SpecimenFit:
     (1; the paper reports 0.047), with its standard error; positive where loading reads the higher resistance.
     ``noise_fraction``: scatter about the branch curves as a fraction of the value. ``residual_fraction``: rms about the
     one law; with hysteresis it exceeds the noise. ``cycle_drift``: largest change of a cycle's mean ratio to the law.
+    ``covariance`` (6,6) of the law's ``zero_ohm_sq`` times ``coefficients`` in ohm squared, by the noise alone.
     """
 
     law: PiezoPolynomial
+    covariance: Array
     hysteresis: float
     hysteresis_standard_error: float
     noise_fraction: float
@@ -45,8 +47,16 @@ def fit_specimen(
     cycles = np.asarray(cycle)[order]
     drift = np.array([np.nanmean(ratio[cycles == number]) for number in np.unique(cycles)])
     width, error, noise = _hysteresis(stress, ratio, law)
+    design = law.basis(stress) / law.sheet_resistance_ohm_sq(stress)[:, None]
+    covariance = noise**2 * np.asarray(np.linalg.inv(design.T @ design))
     return SpecimenFit(
-        law, width, error, noise, float(np.sqrt(np.nanmean(ratio**2))), float(np.ptp(drift)) if len(drift) > 1 else 0.0
+        law,
+        covariance,
+        width,
+        error,
+        noise,
+        float(np.sqrt(np.nanmean(ratio**2))),
+        float(np.ptp(drift)) if len(drift) > 1 else 0.0,
     )
 
 

@@ -81,6 +81,16 @@ class PiezoPolynomial:
         inside = (pressure >= 0) & (pressure <= self.max_stress_pa)
         return np.where(inside, 2 * self.zero_ohm_sq / self.max_stress_pa * slope, 0.0)
 
+    def basis(self, pressure_pa: Array) -> Array:
+        """(..., 6) derivative of the sheet resistance by ``zero_ohm_sq`` times each coefficient, dimensionless."""
+        return np.asarray(chebyshev.chebvander(self._coordinate(pressure_pa), len(self.coefficients) - 1), dtype=float)
+
+    def shifted(self, change_ohm_sq: Array) -> PiezoPolynomial:
+        """The law with changes (6,) added to ``zero_ohm_sq`` times its coefficients."""
+        total = self.zero_ohm_sq * self.coefficients + change_ohm_sq
+        zero = float(chebyshev.chebval(-1.0, total))
+        return replace(self, coefficients=total / zero, zero_ohm_sq=zero)
+
     def scaled(self, zero_ohm_sq: float) -> PiezoPolynomial:
         """The same law with another value at zero stress, everything in proportion."""
         return replace(self, zero_ohm_sq=float(zero_ohm_sq))
