@@ -52,8 +52,9 @@ class PressedFit:
     """What was fitted, and how well.
 
     ``moduli_pa`` (n,) with ``log_standard_error`` (n,) and their ``log_covariance``; ``law``;
-    ``contact_resistance_ohm`` (L,). ``frame_ratio`` (T,) is each pressed frame's residual rms over the noise, the load cell's taken off;
-    ``ratio`` the same over all of them, ``rest_ratio`` that of the resting mean. Near one: nothing is left out.
+    ``contact_resistance_ohm`` (L,). ``frame_ratio`` (T,) is each pressed frame's residual rms over the noise, the load
+    cell's taken off; ``ratio`` the same over all of them, ``rest_ratio`` that of the resting mean. Near one: nothing is
+    left out.
     """
 
     moduli_pa: Array

@@ -20,14 +20,17 @@ _BEND = 5.0
 class RestScan:
     """Mean readings (K,M) in volt over ``frames`` rest frames.
 
-    ``noise_v`` is the robust scatter of a frame about the mean in ``ScanSpace`` coordinates, one reading's noise: that
-    of the mean there is ``noise_v / sqrt(frames)`` when frames are independent. ``nonreciprocal_v`` is the rms of the
-    mean's part that no resistor network could give, per reading.
+    ``noise_v``: one reading's noise in one frame, from the scatter of the part that no resistor network could give, so
+    that nothing which happens to the skin counts as noise. ``scatter_v``: the scatter of whole frames in ``ScanSpace``
+    coordinates; the same where frames differ by noise alone, more where the skin drifts or presses leave something
+    behind. Both robust, NaN with a single frame. ``nonreciprocal_v``: rms per reading of the mean's part that no
+    resistor network could give; ``noise_v / sqrt(frames)`` on a sound instrument.
     """
 
     voltage_v: Array
     frames: int
     noise_v: float
+    scatter_v: float
     nonreciprocal_v: float
 
 
@@ -45,9 +48,19 @@ def rest_scan(voltage_v: Array, protocol: Protocol) -> RestScan:
     bent = np.clip(voltage, middle - _BEND * spread, middle + _BEND * spread) if len(voltage) > 2 else voltage
     mean = bent.mean(axis=0)
     space = ScanSpace.of(protocol)
-    change = space.coordinates(voltage - mean)
-    enough = np.sqrt(len(voltage) / (len(voltage) - 1)) if len(voltage) > 1 else np.nan
-    noise = 1.4826 * np.median(np.abs(change)) * enough
+    seen = space.coordinates(voltage - mean)
+    unseen = (voltage - mean).reshape(len(voltage), -1) - seen @ space.basis.T
     rest = mean.ravel() - space.basis @ space.coordinates(mean)
-    left = max(1, mean.size - space.basis.shape[1])
-    return RestScan(mean, len(voltage), float(noise), float(np.sqrt((rest**2).sum() / left)))
+    enough = np.sqrt(len(voltage) / (len(voltage) - 1)) if len(voltage) > 1 else np.nan
+    share = np.sqrt(mean.size / max(1, mean.size - space.basis.shape[1]))
+    return RestScan(
+        mean,
+        len(voltage),
+        _robust_scale(unseen) * share * enough,
+        _robust_scale(seen) * enough,
+        float(np.sqrt(np.mean(rest**2))) * share,
+    )
+
+
+def _robust_scale(values: Array) -> float:
+    return float(1.4826 * np.median(np.abs(values)))
