@@ -22,6 +22,7 @@ Array = NDArray[np.float64]
 
 SCAN_SLACK_S = 4.0
 SCAN_ATTEMPTS = 2
+READY_ATTEMPTS = 3
 FAILED_PRESSES = 3
 """Presses in a row that may fail before the bench is given up."""
 
@@ -107,9 +108,7 @@ class Experiment:
         self._period_s = plan.period_s
         contacts = plan.contacts
         try:
-            self.indenter.ready()
-            self.indenter.zero()
-            self.indenter.surface_z_m = self._touched(plan) if surface_z_m is None else surface_z_m
+            self._get_ready(plan, surface_z_m)
             for number in range(first_press, len(plan.presses)):
                 self._one(plan, number, contacts)
             self._rest(len(plan.presses), plan.final_rest_frames, contacts, plan)
@@ -119,6 +118,24 @@ class Experiment:
             raise
         self._recorder.sync()
         return self.outcome
+
+    def _get_ready(self, plan: Plan, surface_z_m: float | None) -> None:
+        """Instruments answering, load cell at zero, surface found; tried again where an instrument fails."""
+        for attempt in range(READY_ATTEMPTS):
+            try:
+                if attempt:
+                    self.indenter.retract()
+                    self.indenter.restore()
+                self.indenter.ready()
+                self.indenter.zero()
+                self.indenter.surface_z_m = self._touched(plan) if surface_z_m is None else surface_z_m
+                return
+            except (LimitExceeded, StillPressing):
+                raise
+            except InstrumentError as error:
+                self._note(f"getting ready, attempt {attempt + 1}: {error}")
+                if attempt + 1 == READY_ATTEMPTS:
+                    raise
 
     # -------------------- presses
 

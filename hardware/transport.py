@@ -175,16 +175,18 @@ class Lines:
         """
         clock = self._transport.clock
         deadline = clock.now() + timeout_s
+        late = False
         while True:
             line = self._take()
             if line:
                 return line
             if line is None:
-                left = deadline - clock.now()
-                self._pending += self._transport.read(max(0.0, left))
-                # Bytes without an end must not hold us beyond the time-out.
-                if left <= 0 and b"\n" not in self._pending:
+                # Chatter without a line in it must not hold us beyond the time-out.
+                if late:
                     return None
+                left = deadline - clock.now()
+                late = left <= 0
+                self._pending += self._transport.read(max(0.0, left))
 
     def discard(self) -> None:
         """Forget what has arrived."""

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from hardware.ert_readers.text import TextReader, numbers
 from hardware.transport import Transport
 
-_NUMBER = re.compile(r"-?\d{1,6}\.\d{1,6}").fullmatch
+_NUMBER = re.compile(r"-?\d{1,6}\.\d{1,6}", re.ASCII).fullmatch
 
 
 def parse_eit_kit(line: str, electrodes: int) -> NDArray[np.float64] | None:

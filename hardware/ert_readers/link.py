@@ -65,6 +65,7 @@ class ErtLink:
         self._parser = FrameParser(4 * shape[0] * shape[1] + shape[0] * shape[1] // 8 + 4096)
         self._next = 0
         self._in_step = False
+        self._complaint = ""
         self._lost = 0
         self._asked_s = 0.0
         self._offset_s: float | None = None
@@ -95,19 +96,22 @@ class ErtLink:
         assert self.identity is not None
         deadline = self._clock.now() + timeout_s
         patience = self.identity.scan_s + ANSWER_S / 4
-        for _ in range(REPEATS):
+        for attempt in range(REPEATS):
             damaged = self._parser.damaged
+            self._complaint = ""
             until = min(deadline, self._clock.now() + patience)
             while (frame := self._frame(until, damaged)) is not None:
                 scan = self._scan(frame)
                 if scan is not None:
                     return scan
-            if self._clock.now() >= deadline:
+            if self._clock.now() >= deadline or attempt + 1 == REPEATS:
                 break
             self.repeated += 1
             self._parser.reset()
             self._ask()
         self._in_step = False
+        if self._complaint:
+            raise Refusal(f"{self._name}: reports {self._complaint}")
         raise NoAnswer(f"{self._name}: no whole scan within {timeout_s:g} s")
 
     def restore(self) -> None:
@@ -141,15 +145,13 @@ class ErtLink:
         return f"{identity.name} {identity.serial}".strip()
 
     def _frame(self, deadline: float, damaged: int | None = None) -> Frame | None:
-        """The next whole frame; None at the deadline, or as soon as a frame came damaged."""
+        """The next whole frame; None at the deadline, or as soon as a frame came damaged or the device complained."""
         while True:
             left = deadline - self._clock.now()
             frames = self._parser.feed(self._transport.read(max(0.0, left)))
-            for frame in frames:
-                if frame.type == Type.ERROR:
-                    self._in_step = False
-                    text = frame.payload[:120].decode("ascii", "replace")
-                    raise Refusal(f"{self._name}: reports {' '.join(text.split())}")
+            if frames and frames[-1].type == Type.ERROR:
+                self._complaint = " ".join(frames[-1].payload[:120].decode("ascii", "replace").split()) or "an error"
+                return None
             if frames:
                 return frames[-1]
             if left <= 0 or (damaged is not None and self._parser.damaged > damaged):

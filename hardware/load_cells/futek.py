@@ -13,7 +13,7 @@ from hardware.load_cells.units import NEWTON_PER_UNIT
 from hardware.transport import Transport
 
 FASTEST_HZ = 10.0
-_SAMPLE = re.compile(r"([+-]?\d{1,6}\.\d{1,6}) {0,3}(mN|kN|N|kg|g|lb|lbs|oz)")
+_SAMPLE = re.compile(r"([+-]?\d{1,6}\.\d{1,6}) {0,3}(mN|kN|N|kg|g|lb|lbs|oz)", re.ASCII)
 
 
 def parse_futek(line: str) -> float | None:

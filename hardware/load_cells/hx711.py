@@ -20,11 +20,13 @@ from hardware.transport import Transport
 FULL_SCALE = 1 << 23
 _VALUE = r"([+-]?\d{1,7}\.\d{1,4})"
 LAYOUTS = {
-    "counts": re.compile(r"([+-]?\d{1,8})()"),
-    "plain": re.compile(rf"{_VALUE}()"),
-    "average": re.compile(rf"one reading:\s{_VALUE}\s\| average:\s[+-]?\d{{1,7}}\.\d{{1,4}}()"),
-    "reading": re.compile(rf"Reading: {_VALUE} (kg|lbs|g|N)(?: calibration_factor: [+-]?\d{{1,9}}\.\d{{1,4}})?"),
-    "openscale": re.compile(rf"\d{{1,10}},{_VALUE},(kg|lbs),(?:[+-]?\d{{1,3}}\.\d{{1,4}},){{0,2}}"),
+    "counts": re.compile(r"([+-]?\d{1,8})()", re.ASCII),
+    "plain": re.compile(rf"{_VALUE}()", re.ASCII),
+    "average": re.compile(rf"one reading:\s{_VALUE}\s\| average:\s[+-]?\d{{1,7}}\.\d{{1,4}}()", re.ASCII),
+    "reading": re.compile(
+        rf"Reading: {_VALUE} (kg|lbs|g|N)(?: calibration_factor: [+-]?\d{{1,9}}\.\d{{1,4}})?", re.ASCII
+    ),
+    "openscale": re.compile(rf"\d{{1,10}},{_VALUE},(kg|lbs),(?:[+-]?\d{{1,3}}\.\d{{1,4}},){{0,2}}", re.ASCII),
 }
 
 

@@ -17,8 +17,8 @@ from hardware.transport import RECONNECT_S, Lines, Transport
 ANSWER_S = 0.3
 PERIOD_S = 0.05
 """Asked no more often than twenty times a second."""
-_READING = re.compile(r"([+-]?\d{1,5}(?:\.\d{1,4})?) (N|mN|kN|lbF|ozF|kgF|gF)")
-_ERROR = re.compile(r"\*(?:10|11|12|22)")
+_READING = re.compile(r"([+-]?\d{1,5}(?:\.\d{1,4})?) (N|mN|kN|lbF|ozF|kgF|gF)", re.ASCII)
+_ERROR = re.compile(r"\*(?:10|11|12|22)", re.ASCII)
 
 
 def parse_mark10(line: str) -> float | None:

@@ -24,7 +24,7 @@ HOMING_S = 90.0
 TOLERANCE_M = 15e-6
 STATES = frozenset({"Idle", "Run", "Hold", "Jog", "Alarm", "Door", "Check", "Home", "Sleep"})
 _NUMBER = r"-?\d{1,6}(?:\.\d{1,4})?"
-_TRIPLE = re.compile(rf"({_NUMBER}),({_NUMBER}),({_NUMBER})(?:,{_NUMBER})*")
+_TRIPLE = re.compile(rf"({_NUMBER}),({_NUMBER}),({_NUMBER})(?:,{_NUMBER})*", re.ASCII)
 
 
 @dataclass(frozen=True, eq=False)

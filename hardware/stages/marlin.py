@@ -22,8 +22,8 @@ LONGEST_BUSY_S = 120.0
 BOOT_S = 4.0
 RESENDS = 6
 TOLERANCE_M = 20e-6
-_POSITION = re.compile(r"X:(-?\d{1,5}\.\d{2,4}) Y:(-?\d{1,5}\.\d{2,4}) Z:(-?\d{1,5}\.\d{2,4})(?: .*)?")
-_RESEND = re.compile(r"(?:Resend:|rs) ?N?(\d{1,9})")
+_POSITION = re.compile(r"X:(-?\d{1,5}\.\d{2,4}) Y:(-?\d{1,5}\.\d{2,4}) Z:(-?\d{1,5}\.\d{2,4})(?: .*)?", re.ASCII)
+_RESEND = re.compile(r"(?:Resend:|rs) ?N?(\d{1,9})", re.ASCII)
 
 
 def numbered(number: int, command: str) -> bytes:

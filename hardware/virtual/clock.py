@@ -7,7 +7,7 @@ import select
 import time
 from typing import Protocol
 
-STUCK_S = 1.0
+STUCK_S = 0.25
 """Real seconds after which bytes under way count as lost."""
 
 

@@ -11,6 +11,7 @@ from collections import deque
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hardware.ert_readers.frame import Flag, Frame, Type, encode, scan_payload
 from hardware.virtual.terminal import DeviceClock, Terminal
@@ -21,7 +22,10 @@ _REQUEST = re.compile(rb"S (\d{1,10})")
 
 
 class LinkReader(Terminal):
-    """A reader on our own link, over USB: scans when asked, keeps the last four."""
+    """A reader on our own link, over USB: scans when asked, keeps the last four.
+
+    ``made`` holds the counts of the latest scans and ``scans`` their number since the beginning, for whoever checks.
+    """
 
     def __init__(self, clock: DeviceClock, link: Path, world: World) -> None:
         super().__init__(clock, link, bytes_per_s=1e6)
@@ -32,11 +36,8 @@ class LinkReader(Terminal):
         self._next = 0
         self._flags = int(Flag.FIRST)
         self._started_s = clock.now()
-
-    @property
-    def made(self) -> int:
-        """Scans made since the device started."""
-        return self._next
+        self.made: deque[NDArray[np.int32]] = deque(maxlen=256)
+        self.scans = 0
 
     def power_on(self) -> None:
         """Start anew: the numbering and the device's clock begin at zero."""
@@ -45,10 +46,6 @@ class LinkReader(Terminal):
         self._next = 0
         self._flags = int(Flag.FIRST)
         self._started_s = self.clock.now()
-
-    def crash(self) -> None:
-        """Reset by itself."""
-        self.power_on()
 
     def receive(self, data: bytes) -> None:
         """Requests end in a line feed."""
@@ -107,6 +104,8 @@ class LinkReader(Terminal):
         payload = scan_payload(read, saturated)
         frame = Frame(Type.SCAN, flags, self._next, self._device_us(), int(1e6 * scan_s), *protocol.shape, payload)
         self._kept.append((self._next, encode(frame)))
+        self.made.append(read)
+        self.scans += 1
         self._next += 1
         self._flags = 0
         self.send(self._kept[-1][1], scan_s)
@@ -123,6 +122,7 @@ class TextReader(Terminal):
         self._period_s = world.skin.protocol.scan_s or 0.4
         self._ends_s = clock.now() + self._period_s
         self._seen: Array | None = None
+        self.made: deque[Array] = deque(maxlen=1024)
 
     def power_on(self) -> None:
         """Start anew."""
@@ -135,6 +135,7 @@ class TextReader(Terminal):
         if now < self._ends_s:
             return
         if self._seen is not None:
+            self.made.append(self._seen)
             values = ",".join(f"{value:.4f}" for value in self._seen.ravel())
             self.send(f"{self._label}{values}\r\n".encode())
         self._seen = self._world.scan(now)

@@ -52,10 +52,6 @@ class GrblController(Terminal):
         self._restart("Alarm")
         self._shift_m = self.axes.end_m.copy()
 
-    def crash(self) -> None:
-        """Reset by itself, as at a dip of its supply."""
-        self.power_on()
-
     def unplug(self, seconds: float = float("inf")) -> None:
         """The board is fed over its cable: pulled, it stops."""
         self.axes.stop(self.clock.now())

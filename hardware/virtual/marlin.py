@@ -51,10 +51,6 @@ class MarlinController(Terminal):
         self._answer_s = None
         self.send(b"start\r\necho:Marlin 2.1.2\r\n", 0.3)
 
-    def crash(self) -> None:
-        """Reset by itself, as its watchdog does."""
-        self.power_on()
-
     def unplug(self, seconds: float = float("inf")) -> None:
         """The board is fed over its cable: pulled, it stops."""
         self.axes.stop(self.clock.now())

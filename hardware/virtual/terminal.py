@@ -63,6 +63,10 @@ class Terminal:
     def power_on(self) -> None:
         """Start anew: the line was plugged in."""
 
+    def crash(self) -> None:
+        """Reset by itself."""
+        self.power_on()
+
     # --------------------------------------------------------------------------------------- what happens to the line
 
     def send(self, data: bytes, after_s: float = 0.0) -> None:

@@ -56,6 +56,12 @@ class World:
         self._advance(time_s)
         return self.pressed_n + self._force_noise_n * float(self._rng.normal())
 
+    def depth_m(self, time_s: float) -> float:
+        """How deep below the skin's surface the indenter is; negative in the air."""
+        if self.mover is None:
+            return -np.inf
+        return float(self._origin_m[2] - self.mover.path_m(time_s, time_s)[-1][1][2])
+
     def scan(self, time_s: float) -> Array:
         """(K,M) volt of a scan that starts at ``time_s``."""
         self._advance(time_s)
