@@ -11,12 +11,14 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cho_factor, cho_solve
+from scipy.linalg import cho_factor, cho_solve, solve_triangular
 
 Array = NDArray[np.float64]
 
 LENGTHS = (0.3, 0.6, 1.2)
 SIGNALS = tuple(10.0**k for k in range(-1, 6))
+LEAST_NOISE = 1e-6
+"""Variance of the noise assumed at least, as a share of the residuals' own: it keeps a noise-free set usable."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,19 +36,28 @@ class Discrepancy:
     reach_m: float
 
     @classmethod
-    def fit(cls, contact_m: Array, force_n: Array, residual_v: Array, noise_v: float, reach_m: float) -> Discrepancy:
-        """From one-point presses: places (N,2), forces (N,), whitened residuals (N,P) in volt with noise ``noise_v``.
+    def fit(
+        cls, contact_m: Array, force_n: Array, residual_v: Array, covariance_v2: Array, reach_m: float
+    ) -> Discrepancy:
+        """From one-point presses: places (N,2), forces (N,), whitened residuals (N,P) in volt and their noise (P,P).
 
-        Length and size of the process are those of the largest marginal likelihood, common to all places.
+        Residuals are seen in units of the noise, so that what wanders anyway isn't taken for the skin's doing. Length
+        and size of the process are those of the largest marginal likelihood, common to all places.
         """
         place, number = np.unique(contact_m, axis=0, return_inverse=True)
         groups = [np.flatnonzero(number.ravel() == k) for k in range(len(place))]
-        sets = [(force_n[rows], residual_v[rows]) for rows in groups]
+        least = LEAST_NOISE * np.mean(residual_v**2)
+        noise = np.linalg.cholesky(covariance_v2 + least * np.eye(len(covariance_v2)))
+        in_noise = solve_triangular(noise, residual_v.T, lower=True).T
+        sets = [(force_n[rows], in_noise[rows]) for rows in groups]
         length, signal = max(
             ((length, signal) for length in LENGTHS for signal in SIGNALS),
-            key=lambda choice: sum(_evidence(f, r, noise_v, *choice) for f, r in sets),
+            key=lambda choice: sum(_evidence(f, r, *choice) for f, r in sets),
         )
-        weights = [signal * cho_solve(cho_factor(signal * _kernel(f, f, length) + np.eye(len(f))), r) for f, r in sets]
+        weights = [
+            signal * cho_solve(cho_factor(signal * _kernel(f, f, length) + np.eye(len(f))), r) @ noise.T
+            for f, r in sets
+        ]
         return cls(place, [f for f, _ in sets], weights, length, reach_m)
 
     def of(self, contact_m: Array, force_n: Array) -> Array:
@@ -68,8 +79,8 @@ def _kernel(a_n: Array, b_n: Array, length: float) -> Array:
     return u * v * np.exp(-0.5 * ((u - v) / length) ** 2)
 
 
-def _evidence(force_n: Array, residual_v: Array, noise_v: float, length: float, signal: float) -> float:
-    """Log marginal likelihood of all coordinates, ``signal`` in units of the noise's variance."""
+def _evidence(force_n: Array, residual: Array, length: float, signal: float) -> float:
+    """Log marginal likelihood of residuals in units of the noise, as is ``signal``, a variance."""
     factor, lower = cho_factor(signal * _kernel(force_n, force_n, length) + np.eye(len(force_n)))
-    quadratic = np.sum(residual_v * cho_solve((factor, lower), residual_v)) / noise_v**2
-    return float(-0.5 * quadratic - residual_v.shape[1] * np.log(np.diag(factor)).sum())
+    quadratic = np.sum(residual * cho_solve((factor, lower), residual))
+    return float(-0.5 * quadratic - residual.shape[1] * np.log(np.diag(factor)).sum())

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -40,25 +40,37 @@ def simulated(config: DictConfig) -> Material:
     ``data.discrepancy`` asks for it.
     """
     recording = read_recording(config.recording)
-    trials, denoiser, checksum, forward = simulated_trials(config, recording)
+    made = simulated_trials(config, recording)
+    forward, checksum = made.forward, made.checksum
     build_noise = hydra.utils.instantiate(config.noise)
     taxel_m, protocol = grid_m(config.grid, forward.calibration.sensor), forward.protocol
     if recording.frames is None:
-        return Material(protocol, taxel_m, trials, build_noise(Evidence(protocol)), checksum, denoiser)
+        return Material(protocol, taxel_m, made.network, build_noise(Evidence(protocol)), checksum, made.denoiser)
     touches = touches_of(recording)
     real = rising(touches)
     changes_ohm = forward.change_ohm(real.history.contact_m, real.history.force_n)
     residual_v = real.readings_v.reshape(-1, *protocol.shape) - protocol.readings(changes_ohm)
     noise = build_noise(Evidence(protocol, touches.rest_v, residual_v if len(real) > 1 else None))
     pairs = denoiser_pairs(touches_of(recording, rests=True), forward, len(taxel_m))
-    material = Material(protocol, taxel_m, trials, noise, checksum, joined([pairs, denoiser]))
+    material = Material(protocol, taxel_m, made.network, noise, checksum, joined([pairs, made.denoiser]))
     if config.data.discrepancy and config.model.denoiser is None and len(real):
         return _corrected(material, real, changes_ohm)
     return material
 
 
-def simulated_trials(config: DictConfig, recording: Recording) -> tuple[TrialSet, TrialSet, str, SkinForward]:
-    """Trials for the network and the denoiser, their checksum, and the forward model they come from."""
+@dataclass(frozen=True, eq=False)
+class SimulatedTrials:
+    """Trials for the network and for the denoiser, the forward model they come from, and where they are kept."""
+
+    network: TrialSet
+    denoiser: TrialSet
+    forward: SkinForward
+    checksum: str
+    folder: Path
+
+
+def simulated_trials(config: DictConfig, recording: Recording) -> SimulatedTrials:
+    """Calibrate and synthesize, unless that is done."""
     if recording.protocol is None:
         raise UserError(f"{config.recording}: has no /protocol, so its readings can't be simulated")
     calibration, checksum = ready_calibration(config, recording)
@@ -67,10 +79,12 @@ def simulated_trials(config: DictConfig, recording: Recording) -> tuple[TrialSet
     forward = SkinForward(calibration, recording.protocol, plain(config.effects), config.physics.resolution)
     request = {"calibration": checksum, "effects": forward.effects, "resolution": forward.resolution}
     key = request_key({**request, "plan": asdict(plan), "taxel_m": taxel_m.tolist()})
+    folder = Path(config.data.folder) / key
     with counting("synthesizing trials") as progress:
         cluster = hydra.utils.instantiate(config.cluster)
-        made = synthesize(Path(config.data.folder) / key, request, plan, taxel_m, lambda: forward, cluster, progress)
-    return *made, forward
+        made = synthesize(folder, request, plan, taxel_m, lambda: forward, cluster, progress)
+    network, denoiser, checksum = made
+    return SimulatedTrials(network, denoiser, forward, checksum, folder)
 
 
 def plain(config: DictConfig) -> dict[str, Any]:
@@ -99,9 +113,9 @@ def denoiser_pairs(touches: Touches, forward: Forward, taxels: int) -> TrialSet:
 def recorded_discrepancy(material: Material, real: Touches, changes_ohm: Array) -> Discrepancy:
     """What the one-point presses ``real`` show beyond the simulator, which says ``changes_ohm`` (N,P) of them."""
     residual_v = real.change_v - material.protocol.whitened(changes_ohm)
-    noise_v = float(np.sqrt(np.median(np.diag(material.noise.covariance_v2)))) or float(residual_v.std())
     place_m, force_n = real.history.contact_m[:, 0], real.history.force_n[:, 0]
-    return Discrepancy.fit(place_m, force_n, residual_v, noise_v, OWN * spacing_m(material.taxel_m))
+    reach_m = OWN * spacing_m(material.taxel_m)
+    return Discrepancy.fit(place_m, force_n, residual_v, material.noise.covariance_v2, reach_m)
 
 
 def _corrected(material: Material, real: Touches, changes_ohm: Array) -> Material:

@@ -90,7 +90,7 @@ def _frames(recordings: dict[str, Recording], material: Material) -> TestFrames:
 
 def _physics(config: DictConfig, recording: Recording, material: Material) -> tuple[Forward, Callable[[], Solution]]:
     """The forward model behind the material, discrepancy included where it has one, and the sheet at rest."""
-    _, _, _, forward = simulated_trials(config, recording)
+    forward = simulated_trials(config, recording).forward
     return _corrected(config, recording, material, forward), lambda: _at_rest(forward)
 
 

@@ -1,0 +1,66 @@
+"""Changes are counted from the right zero, and belong to the right taxels."""
+
+import numpy as np
+import pytest
+
+from ertskin.data.baseline import rest_weights
+from ertskin.data.touches import touches_of
+from ertskin.errors import UserError
+from hardware.recording import Frames, Recording
+from physics.history import History
+from physics.protocol import Protocol, electrode_pairs
+from physics.sensor import taxel_grid_m
+
+PROTOCOL = Protocol.against_sink(electrode_pairs(6), 6, 1e-4)
+GRID = taxel_grid_m((0.06, 0.06), 3, 3)
+PAIRS = 15
+
+
+def recording(drift_ohm=0.0, seed=0):
+    """Twelve presses of a rest and two loaded frames; the pair resistances wander with time by ``drift_ohm``."""
+    rng = np.random.default_rng(seed)
+    phase = np.tile([0, 1, 1], 12).astype(np.uint8)
+    press = np.repeat(np.arange(12), 3)
+    force = np.tile([0.0, 1.0, 2.0], 12)
+    taxel = rng.integers(0, 9, 12)[press]
+    contact = np.where(phase[:, None] > 0, GRID[taxel], np.nan)[:, None]
+    time = np.arange(36.0)
+    resistance = 1e4 + np.outer(force, np.linspace(-50, 50, PAIRS)) + drift_ohm * np.sin(time / 12)[:, None]
+    voltage = PROTOCOL.readings(resistance) + 1e-5 * rng.standard_normal((36, *PROTOCOL.shape))
+    history = History(time, press, phase, contact, np.full((36, 1), np.nan), force[:, None])
+    frames = Frames(voltage.astype(np.float32), history)
+    return Recording(rig="test", created="", comment="", sensor=None, protocol=PROTOCOL, frames=frames)
+
+
+@pytest.mark.parametrize("drift_ohm", [0.0, 300.0])
+def test_the_zero_follows_a_baseline_that_wanders(drift_ohm):
+    touches = touches_of(recording(drift_ohm))
+    force = touches.history.force_n[:, 0]
+    expected = PROTOCOL.whitened(np.outer(force, np.linspace(-50, 50, PAIRS)))
+    error = np.sqrt(np.mean((touches.change_v - expected) ** 2))
+    assert error < (
+        3e-5 if drift_ohm == 0 else 0.2 * np.sqrt(np.mean(PROTOCOL.whitened(np.full(PAIRS, drift_ohm)) ** 2))
+    )
+
+
+def test_a_quiet_baseline_is_averaged_over_all_rest_frames():
+    quiet, wandering = recording(0.0), recording(300.0)
+    for run, spread in ((quiet, 12), (wandering, 2)):
+        coordinates = run.frames.voltage_v.reshape(36, -1).astype(float) @ PROTOCOL.orthonormal
+        weights = rest_weights(run.frames.history, coordinates)
+        assert weights.sum(axis=1) == pytest.approx(1)
+        assert (weights > 0).sum(axis=1).max() >= spread if run is quiet else (weights > 0).sum(axis=1).max() <= spread
+
+
+def test_forces_lie_on_the_taxels_pressed():
+    touches = touches_of(recording())
+    label = touches.force_map_n(GRID, 5e-3)
+    assert np.array_equal(GRID[label.argmax(axis=1)], touches.history.contact_m[:, 0])
+    assert label.sum(axis=1) == pytest.approx(touches.history.force_n[:, 0])
+    with pytest.raises(UserError, match="choose the recording's grid"):
+        touches.force_map_n(taxel_grid_m((0.06, 0.06), 2, 2), 2e-3)
+
+
+def test_rest_frames_come_along_when_asked_for():
+    assert len(touches_of(recording())) == 24
+    assert len(touches_of(recording(), rests=True)) == 36
