@@ -47,7 +47,8 @@ class Skin:
     """A calibrated skin with its effects.
 
     ``contact_resistance_ohm`` (L,); ``support_n_per_m`` the stage's own stiffness in series with the pad's. The
-    sensor's layers hold the fitted moduli, the piezoresistive law its fitted value at zero stress.
+    sensor's layers hold the fitted moduli, the piezoresistive law its fitted value at zero stress. ``pad_n_per_m`` is
+    the linear pad's stiffness under the model indenter; only depth-driven forces need it.
     """
 
     sensor: Sensor
@@ -58,6 +59,7 @@ class Skin:
     contact_resistance_ohm: Array
     support_n_per_m: float = np.inf
     effects: tuple[Effect, ...] = field(default=())
+    pad_n_per_m: float = np.nan
 
     @classmethod
     def build(
@@ -81,6 +83,7 @@ class Skin:
             np.asarray(contact_resistance_ohm, dtype=float),
             support_n_per_m,
             tuple(effects),
+            sensor_stiffness_n_per_m(sensor),
         )
 
     def with_effects(self, effects: Sequence[Effect]) -> Skin:
@@ -91,11 +94,6 @@ class Skin:
         return replace(self, effects=tuple(effects))
 
     # mechanics -----------------------------------------------------------------------------------------------------
-
-    @cached_property
-    def pad_n_per_m(self) -> float:
-        """The linear pad's stiffness under the model indenter."""
-        return sensor_stiffness_n_per_m(self.sensor)
 
     def force_n(self, history: History, depth_m: Array | None = None) -> Array:
         """(T,P) force in newton predicted from the commanded depth (or from ``depth_m`` (T,P)), foam effects included."""
@@ -162,7 +160,9 @@ class Skin:
         forces = self.known_force_n(history) if force_n is None else force_n
         contact = self.contact_m(history.contact_m)
         pads = self.pad_sample_m
-        on_pads = self.pressure_pa(pads.reshape(-1, 2), contact, forces).reshape(len(history), len(pads), -1).mean(axis=2)
+        on_pads = (
+            self.pressure_pa(pads.reshape(-1, 2), contact, forces).reshape(len(history), len(pads), -1).mean(axis=2)
+        )
         contacts = self.contact_resistances_ohm(history.time_s, on_pads)
         drift = self.drift(history.time_s)
         resting = self.sheet_conductance_s(np.zeros(self.sheet.weight_m2.size), self.sheet.quadrature_m.reshape(-1, 2))

@@ -28,7 +28,7 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 GRID_M = 1.5e-3
-ALIKE = 0.04
+ALIKE = 0.08
 """States whose changes of conductance differ by less than this part share a solution."""
 COARSE_GRID_M = 0.01
 SHEET_TENSORS = np.array([[1.0, 0.0, 1.0], [0.5, 0.0, -0.5], [0.0, 0.5, 0.0]])
@@ -202,7 +202,6 @@ class LinearSkin:
             if not len(spots):
                 return derivative(self._rest_relative)
             close = np.flatnonzero(_within(self._points, spots, self.skin.pressure.radius_m(TAIL)))
-            row = patch.rows[int(np.argmax([np.abs(s.relative - 1).sum() for s in patch.states])) * 0]
             signal = np.array([np.abs(patch.states[k].relative - 1).sum() for k in patch.state_of])
             row = patch.rows[int(signal.argmax())]
             sheet = self._rest_relative.copy()

@@ -14,6 +14,8 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 CHUNK = 4096
+RIM_RULE = {1: np.array([1, 1]) / 2, 2: np.array([1, 1, 4]) / 6, 3: np.array([1, 1, 3, 3]) / 8}
+"""Newton-Cotes weights of an edge's nodes, the ends first."""
 
 
 class Hats:
@@ -95,7 +97,7 @@ class PadRims:
                 self.pad.append((k, *self._rim(inside)))
 
     def _rim(self, inside: Indices) -> tuple[Indices, Array]:
-        """Nodes (n,3) or (n,2) along the rim's edges and the edges' outward normals times their lengths (n,2)."""
+        """Nodes (n,degree+1) along the rim's edges and the edges' outward normals times their lengths (n,2)."""
         mesh, space = self.model.mesh, self.model.space
         corners = mesh.triangle[inside]
         around = [[0, 1], [1, 2], [2, 0]]
@@ -104,15 +106,14 @@ class PadRims:
         _, first, count = np.unique(code, return_index=True, return_counts=True)
         rim = side[first[count == 1]]
         along = mesh.point_m[rim[:, 1]] - mesh.point_m[rim[:, 0]]
-        nodes = np.column_stack([rim, space.middle_nodes(rim)]) if space.degree == 2 else rim
-        return nodes, np.stack([along[:, 1], -along[:, 0]], axis=1)
+        return space.edge_nodes(rim), np.stack([along[:, 1], -along[:, 0]], axis=1)
 
     def sensitivity(self, solution: Solution, protocol: Protocol) -> Array:
         """(P, L, 2) change of the whitened scan in volt per metre by which a pad is shifted along x and y.
 
         The pad's contact form 1/z int (u - U)(v - V) changes by its integrand along the rim times the normal shift.
         """
-        rule = np.array([1.0, 1.0, 4.0]) / 6 if self.model.space.degree == 2 else np.array([0.5, 0.5])
+        rule = RIM_RULE[self.model.space.degree]
         result = np.zeros((protocol.orthonormal.shape[1], self.model.electrodes, 2))
         for k, nodes, outward in self.pad:
             drop = solution.potential[nodes].copy()

@@ -1,0 +1,103 @@
+"""Skins that differ in their calibration: one vector of numbers for what a calibration may move."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.polynomial import chebyshev
+from numpy.typing import NDArray
+
+from physics.effects.effect import Effect
+from physics.mechanics.pressure import InterfacePressure
+from physics.mechanics.radial_kernel import RadialKernel
+from physics.piezo.polynomial import PiezoPolynomial
+from physics.sensor import Sensor
+from physics.skin import Skin
+
+Array = NDArray[np.float64]
+
+RATIO_STEP = 0.5
+"""Spacing in the logarithm of the moduli's ratio at which pressure fields are computed."""
+
+
+@dataclass(frozen=True, eq=False)
+class Calibration:
+    """What a calibration fits, apart from the force stage.
+
+    ``zero_ohm_sq`` unloaded sheet resistance; ``contact_ohm`` (L,); ``log_ratio`` logarithm of the foam's modulus over
+    the rest of the pad's, against nominal; ``shape`` (5,) changes of the law's Chebyshev coefficients 1 to 5.
+    """
+
+    zero_ohm_sq: float
+    contact_ohm: Array
+    log_ratio: float
+    shape: Array
+
+    def vector(self) -> Array:
+        """(L+7,) numbers of order one step each: logarithms of resistances, ratio, coefficients."""
+        return np.concatenate([[np.log(self.zero_ohm_sq)], np.log(self.contact_ohm), [self.log_ratio], self.shape])
+
+    @classmethod
+    def of(cls, vector: Array) -> Calibration:
+        """The inverse of ``vector``."""
+        electrodes = len(vector) - 7
+        return cls(
+            float(np.exp(vector[0])),
+            np.exp(vector[1 : 1 + electrodes]),
+            float(vector[1 + electrodes]),
+            np.asarray(vector[2 + electrodes :]),
+        )
+
+
+class SkinFamily:
+    """Skins of one sensor for any calibration near a first one; the pressure field's dependence on the moduli is tabulated."""
+
+    def __init__(self, skin: Skin) -> None:
+        self.first = skin
+        steps = RATIO_STEP * np.arange(-4.0, 5.0)
+        fields = [InterfacePressure.from_transform(stiffened(skin.sensor, float(s))) for s in steps]
+        self._steps = steps
+        self._fields = fields
+
+    def pressure(self, log_ratio: float) -> InterfacePressure:
+        """The pressure field for a ratio of moduli, interpolated in its logarithm."""
+        weights = [
+            np.prod([(log_ratio - other) / (at - other) for other in self._steps if other != at]) for at in self._steps
+        ]
+        value = sum(w * f.kernel.value for w, f in zip(weights, self._fields, strict=True))
+        slope = sum(w * f.kernel.slope for w, f in zip(weights, self._fields, strict=True))
+        first = self._fields[0]
+        return InterfacePressure(RadialKernel(first.kernel.radius_m, value, slope), first.points_m)
+
+    def skin(self, calibration: Calibration, effects: Sequence[Effect]) -> Skin:
+        """The skin with this calibration and these effects, on the first skin's mesh."""
+        law = shaped(self.first.piezo, calibration.shape).scaled(calibration.zero_ohm_sq)
+        same = calibration.log_ratio == 0.0
+        return replace(
+            self.first,
+            pressure=self.first.pressure if same else self.pressure(calibration.log_ratio),
+            piezo=law,
+            contact_resistance_ohm=calibration.contact_ohm,
+            effects=tuple(effects),
+        )
+
+    @property
+    def widest_ratio(self) -> float:
+        """How far the logarithm of the moduli's ratio may go."""
+        return float(self._steps[-1])
+
+
+def stiffened(sensor: Sensor, log_ratio: float) -> Sensor:
+    """The sensor with its top layer's modulus times exp(log_ratio)."""
+    top = sensor.layers[0]
+    return sensor.with_layers(**{top.name: top.youngs_modulus_pa * float(np.exp(log_ratio))})
+
+
+def shaped(law: PiezoPolynomial, change: Array) -> PiezoPolynomial:
+    """The law with its coefficients 1 to 5 changed and its value at zero stress kept."""
+    coefficients = np.array(law.coefficients, dtype=float)
+    coefficients[1 : 1 + len(change)] += change
+    coefficients[0] += 1.0 - chebyshev.chebval(-1.0, coefficients)
+    return replace(law, coefficients=coefficients)

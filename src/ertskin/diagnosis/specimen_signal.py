@@ -1,0 +1,46 @@
+"""The specimen test as a signal: it holds the law, and shows the fabric's own hysteresis and creep."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hardware.recording import Specimen
+from physics.effects.effect import PiezoEffect
+from physics.effects.piezo_inhomogeneity import PiezoInhomogeneity
+from physics.skin import Skin
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class SpecimenSignal:
+    """N readings of the specimen in recording order; ``noise_fraction`` of the value."""
+
+    stress_pa: Array
+    resistance_ohm_sq: Array
+    time_s: Array
+    noise_fraction: float
+
+    @classmethod
+    def of(cls, specimen: Specimen, noise_fraction: float) -> SpecimenSignal:
+        """From a recording's specimen, NaN left out."""
+        order = np.argsort(specimen.time_s, kind="stable")
+        stress, value = specimen.stress_pa[order], specimen.sheet_resistance_ohm_sq[order]
+        good = np.isfinite(stress) & np.isfinite(value) & (value > 0)
+        return cls(stress[good], value[good], specimen.time_s[order][good], noise_fraction)
+
+    def residual(self, skin: Skin) -> Array:
+        """(N,) relative residuals in units of the noise; the specimen's own resistance at zero stress is fitted away."""
+        ratio = self.resistance_ohm_sq / self._shape(skin)
+        return np.asarray((ratio / ratio.mean() - 1) / self.noise_fraction)
+
+    def _shape(self, skin: Skin) -> Array:
+        pressure = self.stress_pa[:, None]
+        nowhere = np.zeros((1, 2))
+        effects = [e for e in skin.effects if isinstance(e, PiezoEffect) and not isinstance(e, PiezoInhomogeneity)]
+        for effect in sorted(effects, key=lambda e: e.order):
+            pressure = effect.effective_pressure_pa(pressure, nowhere, self.time_s, skin.sensor.extent_m)
+        return np.asarray(skin.piezo.sheet_resistance_ohm_sq(pressure[:, 0]) / skin.piezo.zero_ohm_sq)

@@ -1,0 +1,295 @@
+"""The joint fit: calibration and effects together, on scans, leftovers and specimen, with folds for what is held out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ertskin.diagnosis.acquisition_signal import AcquisitionSignal, acquires
+from ertskin.diagnosis.evidence import Evidence
+from ertskin.diagnosis.least_squares import Fit, Quadratic, descend
+from ertskin.diagnosis.linear_skin import LinearSkin
+from ertskin.diagnosis.skin_family import Calibration, SkinFamily
+from ertskin.diagnosis.specimen_signal import SpecimenSignal
+from physics.effects.effect import Effect
+from physics.skin import Skin
+
+Array = NDArray[np.float64]
+
+RATIO_PRIOR = 1.0
+SHAPE_PRIOR = 0.3
+
+
+@dataclass(frozen=True)
+class Term:
+    """An effect in a fit: where it starts and which parameters may move."""
+
+    effect: Effect
+    free: tuple[str, ...]
+
+    @property
+    def name(self) -> str:
+        return self.effect.name
+
+    def at(self, values: Sequence[float]) -> Effect:
+        """The effect with its free parameters at these values."""
+        return self.effect.changed(dict(zip(self.free, map(float, values), strict=True)))
+
+
+@dataclass(frozen=True, eq=False)
+class Solved:
+    """A joint fit: its terms at their best values, the calibration, the quadratic about it.
+
+    ``cells`` (C,) half chi-squares by cell; parameters in the order calibration, then the terms' free ones.
+    """
+
+    calibration: Calibration
+    terms: tuple[Term, ...]
+    fit: Fit
+    scan_residual: Array
+
+    @property
+    def effects(self) -> tuple[Effect, ...]:
+        return tuple(t.effect for t in self.terms)
+
+    @property
+    def cost(self) -> float:
+        """Half chi-square over everything."""
+        return float(self.fit.quadratic.cost.sum())
+
+    def interval(self, term: int, key: str, scale: float) -> tuple[float, float, float]:
+        """Value, and standard error times ``scale``."""
+        first = len(self.fit.value) - sum(len(t.free) for t in self.terms)
+        position = first + sum(len(t.free) for t in self.terms[:term]) + self.terms[term].free.index(key)
+        error = float(np.sqrt(max(self.fit.covariance[position, position], 0.0))) * scale
+        value = float(getattr(self.terms[term].effect, key))
+        return value, value - error, value + error
+
+
+@dataclass(eq=False)
+class VoltageProblem:
+    """Everything the fit needs. ``cells`` (T,) the cell of each frame, ``weight`` (T,) 0 for frames left out.
+
+    ``nuisance`` (T,P,k): directions, one standard deviation long in units of the noise, in which a frame may stray.
+    """
+
+    evidence: Evidence
+    family: SkinFamily
+    linear: LinearSkin
+    specimen: SpecimenSignal | None
+    cells: NDArray[np.intp]
+    weight: Array
+    nuisance: Array | None = None
+    last_columns: tuple[NDArray[np.float32], Array] = field(init=False)
+
+    def __post_init__(self) -> None:
+        moving = np.flatnonzero(self.weight > 0)
+        chosen = moving[np.linspace(0, len(moving) - 1, min(len(moving), 240)).astype(int)] if len(moving) else moving
+        self.acquisition = AcquisitionSignal(self.evidence, self.linear, np.unique(chosen))
+        self.leftover_share = len(moving) / max(1, len(self.acquisition.rows))
+        self.cell_count = int(self.cells.max()) + 1
+
+    # residuals -----------------------------------------------------------------------------------------------------
+
+    def scan_residual(self, skin: Skin) -> Array:
+        """(T,P) in units of the noise, strays in the nuisance directions discounted."""
+        wrong = (self.evidence.scan_v - self.acquisition.scans(skin)) / self.evidence.noise_v
+        return self.discounted(np.where(self.weight[:, None] > 0, wrong, 0.0))
+
+    def discounted(self, rows: Array) -> Array:
+        """Rows (T,P,...) times the inverse square root of I + N N'."""
+        if self.nuisance is None:
+            return rows
+        flat = rows.reshape(*rows.shape[:2], -1)
+        result = flat.copy()
+        for t in range(len(rows)):
+            direction = self.nuisance[t]
+            if not direction.any():
+                continue
+            u, s, _ = np.linalg.svd(direction, full_matrices=False)
+            shrink = 1 - 1 / np.sqrt(1 + s**2)
+            result[t] -= u @ (shrink[:, None] * (u.T @ flat[t]))
+        return result.reshape(rows.shape)
+
+    def _blocks(self, skin: Skin) -> tuple[Array, Array, Array | None]:
+        scan = self.scan_residual(skin)
+        specimen = self.specimen.residual(skin) if self.specimen is not None else np.zeros(0)
+        leftover = self.acquisition.residual(skin) if acquires(skin.effects) or self._always_leftover else None
+        return scan, specimen, leftover
+
+    _always_leftover: bool = False
+
+    # fitting -------------------------------------------------------------------------------------------------------
+
+    def solve(
+        self, terms: Sequence[Term], start: Calibration, *, steps: int = 10, leftover: bool = False
+    ) -> Solved:
+        """Best calibration and effects; ``leftover`` counts the readings' non-reciprocal part even without a term in it."""
+        self._always_leftover = leftover
+        layout = _Layout(tuple(terms), len(start.vector()))
+        begin = np.concatenate([start.vector(), *[[getattr(t.effect, k) for k in t.free] for t in terms]])
+        low, high = layout.bounds(begin, self.family.widest_ratio)
+        mean, precision = layout.prior(len(start.contact_ohm))
+        fit = descend(
+            lambda x: self._linearise(layout, x),
+            lambda x: self._cost(layout, x),
+            begin,
+            low,
+            high,
+            mean,
+            precision,
+            steps=steps,
+        )
+        calibration, effects = layout.split(fit.value)
+        solved = tuple(Term(e, t.free) for e, t in zip(effects, terms, strict=True))
+        skin = self.family.skin(calibration, effects)
+        return Solved(calibration, solved, fit, self.scan_residual(skin))
+
+    def _skin(self, layout: _Layout, x: Array) -> Skin:
+        calibration, effects = layout.split(x)
+        return self.family.skin(calibration, effects)
+
+    def _cost(self, layout: _Layout, x: Array) -> float:
+        scan, specimen, leftover = self._blocks(self._skin(layout, x))
+        total = float((scan**2).sum() + (specimen**2).sum())
+        if leftover is not None:
+            total += self.leftover_share * float((leftover**2).sum())
+        return 0.5 * total
+
+    def _linearise(self, layout: _Layout, x: Array) -> Quadratic:
+        skin = self._skin(layout, x)
+        scan, specimen, leftover = self._blocks(skin)
+        count = len(x)
+        columns = np.zeros((*scan.shape, count), dtype=np.float32)
+        specimen_columns = np.zeros((len(specimen), count))
+        leftover_columns = np.zeros((0, count)) if leftover is None else np.zeros((leftover.size, count), np.float32)
+        electrodes = self.evidence.protocol.electrodes
+        contact = self.contact_columns(skin)
+        columns[..., 1 : 1 + electrodes] = self.discounted(contact)
+        for k in [0, *range(1 + electrodes, count)]:
+            step = layout.step(k, x)
+            moved = x.copy()
+            moved[k] += step
+            there = self._blocks(self._skin(layout, moved))
+            columns[..., k] = (scan - there[0]) / step
+            specimen_columns[:, k] = (specimen - there[1]) / step
+            if leftover is not None and there[2] is not None and k >= layout.calibration:
+                leftover_columns[:, k] = ((leftover - there[2]) / step).ravel()
+        self.last_columns = columns, specimen_columns
+        return self._quadratic(scan, columns, specimen, specimen_columns, leftover, leftover_columns)
+
+    def _quadratic(
+        self,
+        scan: Array,
+        columns: NDArray[np.float32],
+        specimen: Array,
+        specimen_columns: Array,
+        leftover: Array | None,
+        leftover_columns: Array,
+    ) -> Quadratic:
+        """By cell of frames, and one more cell for the specimen."""
+        count = columns.shape[-1]
+        cost = np.zeros(self.cell_count + 1)
+        gradient = np.zeros((self.cell_count + 1, count))
+        hessian = np.zeros((self.cell_count + 1, count, count))
+
+        def add(cell: int, wrong: Array, design: Array, share: float) -> None:
+            cost[cell] += 0.5 * share * float(wrong @ wrong)
+            gradient[cell] += share * (design.T @ wrong)
+            hessian[cell] += share * (design.T @ design)
+
+        for cell in range(self.cell_count):
+            mine = (self.cells == cell) & (self.weight > 0)
+            if mine.any():
+                add(cell, scan[mine].ravel(), columns[mine].reshape(-1, count).astype(float), 1.0)
+        add(self.cell_count, specimen, specimen_columns, 1.0)
+        if leftover is not None:
+            size = leftover.shape[1]
+            design = leftover_columns.reshape(len(leftover), size, count)
+            for cell in range(self.cell_count):
+                mine = self.cells[self.acquisition.rows] == cell
+                if mine.any():
+                    add(cell, leftover[mine].ravel(), design[mine].reshape(-1, count).astype(float), self.leftover_share)
+        return Quadratic(cost, gradient, hessian)
+
+    def contact_columns(self, skin: Skin) -> Array:
+        """(T,P,L) change of the scans per unit logarithm of each contact resistance, in units of the noise."""
+        result = np.zeros((*self.evidence.scan_v.shape, len(skin.contact_resistance_ohm)))
+        for patch in self.linear.patches:
+            for k, state in enumerate(patch.states):
+                rows = patch.rows[patch.state_of == k]
+                result[rows] = state.contact * state.contact_ohm
+        return np.where(self.weight[:, None, None] > 0, result / self.evidence.noise_v, 0.0)
+
+
+@dataclass(frozen=True)
+class _Layout:
+    """Which number of the vector means what."""
+
+    terms: tuple[Term, ...]
+    calibration: int
+
+    def split(self, x: Array) -> tuple[Calibration, tuple[Effect, ...]]:
+        effects, k = [], self.calibration
+        for term in self.terms:
+            effects.append(term.at(x[k : k + len(term.free)]))
+            k += len(term.free)
+        return Calibration.of(x[: self.calibration]), tuple(effects)
+
+    def _free(self, index: int) -> tuple[Term, str]:
+        k = index - self.calibration
+        for term in self.terms:
+            if k < len(term.free):
+                return term, term.free[k]
+            k -= len(term.free)
+        raise IndexError(index)
+
+    def step(self, index: int, x: Array) -> float:
+        """Finite-difference step, away from the upper bound."""
+        if index < self.calibration:
+            return 1e-3
+        term, key = self._free(index)
+        known = term.effect.parameters()[key]
+        size = 0.02 * known.typical
+        return size if x[index] + size <= known.high else -size
+
+    def bounds(self, x: Array, widest: float) -> tuple[Array, Array]:
+        low, high = np.full(len(x), -np.inf), np.full(len(x), np.inf)
+        ratio = self.calibration - 6
+        low[ratio], high[ratio] = -widest, widest
+        for k in range(self.calibration, len(x)):
+            term, key = self._free(k)
+            known = term.effect.parameters()[key]
+            low[k], high[k] = known.low, known.high
+        return low, high
+
+    def prior(self, electrodes: int) -> tuple[Array, Array]:
+        count = self.calibration + sum(len(t.free) for t in self.terms)
+        precision = np.zeros(count)
+        precision[1 + electrodes] = RATIO_PRIOR**-2
+        precision[2 + electrodes : self.calibration] = SHAPE_PRIOR**-2
+        return np.zeros(count), precision
+
+
+def held_out(solved: Solved, partitions: Sequence[Sequence[int]]) -> Array:
+    """(len(partitions),) half chi-square of each held-out set of cells after one Newton step on all the others."""
+    quadratic = solved.fit.quadratic
+    cells = np.arange(len(quadratic.cost))
+    result = np.zeros(len(partitions))
+    shift = solved.fit.prior.diagonal()
+    for k, out in enumerate(partitions):
+        inside = ~np.isin(cells, out)
+        hessian = quadratic.hessian[inside].sum(axis=0) + solved.fit.prior
+        gradient = quadratic.gradient[inside].sum(axis=0) - shift * solved.fit.value * (shift > 0)
+        scale = np.sqrt(np.maximum(np.diag(hessian), 1e-300))
+        step = np.linalg.lstsq(hessian / scale[:, None] / scale, gradient / scale, rcond=1e-11)[0] / scale
+        for cell in out:
+            change = -quadratic.gradient[cell] @ step + 0.5 * step @ quadratic.hessian[cell] @ step
+            result[k] += max(quadratic.cost[cell] + change, 0.0)
+    return result
+
+
+__all__ = ["Solved", "Term", "VoltageProblem", "held_out", "replace"]
