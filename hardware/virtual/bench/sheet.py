@@ -203,12 +203,13 @@ class SpectralSheet:
 
     def branch(self, element: Index) -> Index:
         """Merges to redo, in order, after these elements change."""
-        touched = np.zeros(len(self._parent), dtype=bool)
-        touched[element] = True
-        for offset in range(len(self._merges)):
-            merge = self._merges[offset]
-            touched[self.elements + offset] = touched[merge.first] or touched[merge.second]
-        return np.flatnonzero(touched[self.elements :])
+        stale = np.zeros(len(self._parent), dtype=bool)
+        above = np.unique(self._parent[element])
+        while len(above):
+            stale[above] = True
+            above = np.unique(self._parent[above])
+            above = above[above >= 0]
+        return np.flatnonzero(stale[self.elements :])
 
 
 def _merged(merge: _Merge, first: Array, second: Array) -> Array:
