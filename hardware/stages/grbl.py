@@ -19,6 +19,7 @@ from hardware.transport import RECONNECT_S, Lines, Transport
 BUFFER_BYTES = 128
 STATUS_PERIOD_S = 0.2
 ANSWER_S = 2.0
+IDENTIFY_ATTEMPTS = 3
 BANNER_S = 3.0
 HOMING_S = 90.0
 TOLERANCE_M = 15e-6
@@ -58,6 +59,10 @@ def parse_status(line: str) -> Status | None:
     return Status(state, found.get("MPos"), found.get("WPos"), found.get("WCO"))
 
 
+class _Restarted(Refusal):
+    """The controller's banner came unasked."""
+
+
 class Grbl:
     """A stage on a GRBL 1.1 controller, driven in machine coordinates."""
 
@@ -77,13 +82,15 @@ class Grbl:
     # ------------------------------------------------------------------------------------------------ the interface
 
     def identify(self) -> str:
-        """GRBL's version."""
-        self._lines.discard()
-        for line in self._command("$I"):
-            if line.startswith("[VER:1.1"):
-                self._command("G21 G90 G94")
-                return f"GRBL {line[5:].rstrip(']')}"
-        raise Refusal(f"{self._name}: is no GRBL 1.1")
+        """GRBL's version. Many boards restart when their port is opened, and are asked again once they have."""
+        for attempt in range(IDENTIFY_ATTEMPTS):
+            self._lines.discard()
+            try:
+                return self._version()
+            except (_Restarted, NoAnswer):
+                if attempt + 1 == IDENTIFY_ATTEMPTS:
+                    raise
+        raise AssertionError("unreachable")
 
     def home(self) -> None:
         """Run the homing cycle; the position is trusted from then on."""
@@ -207,7 +214,7 @@ class Grbl:
             raise Refusal(f"{self._name}: {answer}")
         if answer.startswith("Grbl "):
             self.trusted = False
-            raise Refusal(f"{self._name}: was reset, its position is lost")
+            raise _Restarted(f"{self._name}: was reset, its position is lost")
 
     def _status(self) -> Status:
         """A status report, asked for at most five times a second and again where one is lost or damaged."""
@@ -222,6 +229,12 @@ class Grbl:
                     return status
                 self._raise_if_stopped(line, "?")
         raise NoAnswer(f"{self._name}: no status report")
+
+    def _version(self) -> str:
+        for line in self._command("$I"):
+            if line.startswith("[VER:1.1"):
+                return f"GRBL {line[5:].strip(':]')}"
+        raise Refusal(f"{self._name}: is no GRBL 1.1")
 
     def _place_m(self, status: Status) -> Array | None:
         """(3,) the machine position a report tells, None where it is a work position of unknown offset."""

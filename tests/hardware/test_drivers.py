@@ -95,10 +95,15 @@ def test_grbl_that_restarts_by_itself_is_not_believed() -> None:
 
 
 def test_grbl_silent_ends_in_its_time() -> None:
-    line = ScriptedLine((b"$I\n", b""))
+    line = ScriptedLine(*[(b"$I\n", b"")] * 3)
     with pytest.raises(NoAnswer, match="2 s"):
         Grbl(line, TRAVEL).identify()
-    assert line.clock.now() == pytest.approx(2.0, abs=0.1)
+    assert line.clock.now() == pytest.approx(6.0, abs=0.1)
+
+
+def test_grbl_that_restarts_when_its_port_is_opened_is_asked_again() -> None:
+    line = ScriptedLine((b"$I\n", b"\r\nGrbl 1.1h ['$' for help]\r\n"), (b"$I\n", b"[VER:1.1h.20190830:]\r\nok\r\n"))
+    assert Grbl(line, TRAVEL).identify() == "GRBL 1.1h.20190830"
 
 
 def test_stages_stay_in_their_travel() -> None:

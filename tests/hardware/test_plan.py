@@ -1,0 +1,91 @@
+"""Plans: the paper's, those of tests, those from a YAML or a diagnosis, and those that can't be."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from hardware.plan import (
+    Plan,
+    PlanError,
+    Press,
+    next_press_plan,
+    one_point_test,
+    plan_of,
+    ramp,
+    repeated,
+    taxel_plan,
+    two_point_test,
+)
+from physics.history import Phase
+from physics.sensor import taxel_grid_m
+
+TAXELS = taxel_grid_m((0.12, 0.12), 6, 6)
+
+
+def test_the_papers_experiment() -> None:
+    plan = taxel_plan(TAXELS)
+    assert len(plan.presses) == 36
+    depths = [step.depth_m for step in plan.presses[0].steps if step.phase == Phase.LOADING]
+    np.testing.assert_allclose(depths, 1e-4 * np.arange(41), atol=1e-12)
+    back = [step.depth_m for step in plan.presses[0].steps if step.phase == Phase.UNLOADING]
+    np.testing.assert_allclose(back, depths[-2::-1])
+    assert plan.frames == 36 * (1 + 41 + 4 + 40) + 1
+    assert plan.period_s == 0.5
+
+
+def test_duration_counts_frames_rests_and_moves() -> None:
+    plan = Plan("one", (Press(((0.0, 0.0),), ramp(1e-3, 5e-4, 0, unloading=False), rest_frames=2, rest_s=3.0),))
+    # Three frames (the two moves of 0.5 s fit between them), two at rest, one at the end, 3 s rest, 6 s travel.
+    assert plan.duration_s(travel_s=6.0) == pytest.approx(3 * 0.5 + 2 * 0.5 + 0.5 + 3.0 + 6.0)
+
+
+def test_test_plans_press_elsewhere() -> None:
+    calibrated = {round(1e4 * k) for k in np.linspace(0, 4e-3, 9)}
+    tested = {round(1e4 * (step.depth_m or 0.0), 1) for step in one_point_test(TAXELS).presses[0].steps}
+    assert len(tested) == 8
+    assert not tested & calibrated
+    two = two_point_test(TAXELS, [(0, 35), (7, 28)])
+    assert two.contacts == 2
+    assert two.presses[0].weight_n == pytest.approx(4.903, abs=1e-3)
+
+
+def test_a_plan_survives_plain_types() -> None:
+    for plan in (taxel_plan(TAXELS[:3]), two_point_test(TAXELS, [(0, 35)]), repeated(one_point_test(TAXELS[:2]), 2)):
+        assert plan_of(json.loads(json.dumps(plan.as_dict()))) == plan
+
+
+def test_a_diagnosis_asks_for_a_press() -> None:
+    plan = next_press_plan({"position_m": [0.03, 0.05], "depth_m": 2e-3, "hold_s": 60.0, "repeats": 2})
+    assert len(plan.presses) == 2
+    assert plan.presses[0].contact_m == ((0.03, 0.05),)
+    assert plan.presses[0].depth_m == 2e-3
+    held = sum(step.frames for step in plan.presses[0].steps if step.phase == Phase.HOLD)
+    assert held * plan.period_s == 60.0
+
+
+@pytest.mark.parametrize(
+    ("fields", "what"),
+    [
+        ({}, "list of presses"),
+        ({"presses": []}, "list of presses"),
+        ({"presses": "all"}, "list of presses"),
+        ({"presses": [1]}, r"presses\[0\]"),
+        ({"presses": [{"contact_m": [0.0, 0.0]}]}, "no steps"),
+        ({"presses": [{"contact_m": [0.0], "ramp": {}}]}, "no place"),
+        ({"presses": [{"contact_m": [0.0, "x"], "ramp": {}}]}, "no number"),
+        ({"presses": [{"contact_m": [0.0, 0.0], "ramp": {"deep": 1}}]}, "ramp"),
+        ({"presses": [{"contact_m": [0.0, 0.0], "ramp": {}, "speed_m_s": 0}]}, "speed_m_s"),
+        ({"presses": [{"contact_m": [0.0, 0.0], "ramp": {}, "spede": 1}]}, "spede"),
+        ({"presses": [{"contact_m": [0.0, 0.0], "steps": [{"phase": "down"}]}]}, "phase"),
+        ({"presses": [{"contact_m": [0.0, 0.0], "steps": [{"phase": "hold", "depth_m": -1}]}]}, "depth_m"),
+        ({"presses": [{"contact_m": [0.0, 0.0], "ramp": {}}], "period_s": 0}, "period_s"),
+    ],
+)
+def test_what_is_no_plan(fields: dict[str, object], what: str) -> None:
+    with pytest.raises(PlanError, match=what):
+        plan_of(fields)
+    with pytest.raises(PlanError):
+        next_press_plan({"position_m": None})
