@@ -16,6 +16,7 @@ from ertskin import __version__
 from ertskin.commands import verbs
 from ertskin.configuration import choices, config_dir
 from ertskin.errors import JobFailed, UserError
+from ertskin.interrupts import unwind_on_sigterm
 
 if TYPE_CHECKING:
     from omegaconf import DictConfig
@@ -77,6 +78,7 @@ def _run(verb: str, arguments: list[str]) -> None:
     os.environ["HYDRA_FULL_ERROR"] = "1"  # Hydra then raises, and the message is ours to word.
     import hydra
 
+    unwind_on_sigterm()
     extra = [f"hydra.searchpath=[file://{WRITTEN_CONFIGS.resolve()}]"] if WRITTEN_CONFIGS.is_dir() else []
     sweeping = bool(SWEEP_FLAGS & set(arguments))
     if sweeping:

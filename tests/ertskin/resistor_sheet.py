@@ -53,7 +53,7 @@ def _pairs(place: np.ndarray, force: np.ndarray) -> np.ndarray:
     middle = node_m[edges].mean(axis=1)
     away2 = ((middle - place[:, :, None, :]) ** 2).sum(axis=-1)
     pressure = (force[:, :, None] * np.exp(-away2 / (2 * 0.012**2))).sum(axis=1)
-    conductance = 1e-3 * (1 + 2 * np.tanh(pressure / 6))
+    conductance = 1e-3 * (1 + 2 * np.tanh(pressure / 2))
     laplacian = np.zeros((len(place), SIDE * SIDE, SIDE * SIDE))
     first, second = edges.T
     np.add.at(laplacian, (slice(None), first, first), conductance)

@@ -12,6 +12,7 @@ import hydra
 from omegaconf import DictConfig, OmegaConf
 
 from ertskin.data.material import Material
+from ertskin.data.shards import file_sha256
 from ertskin.evaluation.predictions import as_plain
 from ertskin.models.reconstruction import Reconstruction
 from ertskin.tracking.model import log_model
@@ -23,8 +24,8 @@ from ertskin.training.settings import TrainerSettings
 from ertskin.training.validation import validation_scores
 
 DONE, MODEL = "done.json", "model.pt"
-# What a job's outcome doesn't depend on.
-ASIDE = ("tracking", "out", "cluster")
+# What a job's outcome doesn't depend on: where things lie. What they hold is in the checksums.
+ASIDE = ("tracking", "out", "cluster", "recording", "calibration")
 
 
 @dataclass(frozen=True)
@@ -41,15 +42,17 @@ class Job:
 def train_job(config: DictConfig, material: Material) -> Job:
     """Train ``config.model`` with ``config.trainer`` on ``material``, and track it."""
     request = cast(dict[str, Any], OmegaConf.to_container(config, resolve=True))
-    key = job_key({k: v for k, v in request.items() if k not in ASIDE} | {"checksum": material.checksum})
+    checksums = {"data_checksum": material.checksum}
+    if config.recording is not None:
+        checksums["recording_checksum"] = file_sha256(Path(config.recording))
+    key = job_key({name: value for name, value in request.items() if name not in ASIDE} | checksums)
     folder = Path(config.out) / key
     tracking = TrackingSettings.of(config.tracking)
     if done := _done(folder, tracking, key):
         return done
     folder.mkdir(parents=True, exist_ok=True)
     with Run.begin(tracking, key, _name(config), parent_run_id=parent_run_id()) as run:
-        run.parameters({**request, "data_checksum": material.checksum})
-        run.tag("ertskin.data_checksum", material.checksum)
+        run.parameters(request | checksums)
         reconstruction = _train(config, material, folder, run)
         reconstruction.about |= {"config": request, "run_id": run.run_id}
         reconstruction.save(folder / MODEL)

@@ -1,0 +1,109 @@
+"""The command line: what a person sees, and what a script can rely on."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+import yaml
+
+from ertskin import cli
+from ertskin.commands import verbs
+from ertskin.configuration import choices, config_dir
+
+
+def test_every_command_has_a_docstring_a_body_and_a_configuration():
+    assert {"train", "dashboard"} <= set(verbs())
+    for verb, text in verbs().items():
+        assert text.splitlines()[0].endswith("."), verb
+        assert "defaults" in yaml.safe_load((config_dir() / f"{verb}.yaml").read_text()), verb
+
+
+@pytest.mark.parametrize("arguments", [[], ["--help"], ["-h"]])
+def test_the_overview_names_every_command(capsys, arguments):
+    assert cli.main(arguments) == 0
+    shown = capsys.readouterr().out
+    assert all(verb in shown for verb in verbs())
+
+
+def test_the_help_of_a_command_shows_its_groups_and_settings(capsys):
+    assert cli.main(["train", "--help"]) == 0
+    shown = capsys.readouterr().out
+    assert "model=paper|places|reciprocal" in shown
+    assert "seed: 0" in shown
+
+
+def test_help_needs_none_of_the_heavy_packages():
+    code = "import sys; from ertskin import cli; cli.main(['train', '--help']); print(*sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert not {"torch", "lightning", "mlflow", "scipy"} & set(done.stdout.splitlines()[-1].split())
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["frobnicate"], "no command 'frobnicate'"),
+        (["dashboard", "prot=1"], "prot"),
+        (["dashboard", "tracking=nowhere"], "tracking/nowhere"),
+        (["dashboard", "port=x"], "port must be a whole number"),
+        (["dashboard", "port=["], "["),
+    ],
+)
+def test_a_persons_mistake_gives_one_line_and_status_2(capsys, workplace, arguments, words):
+    assert cli.main(arguments) == 2
+    out, err = capsys.readouterr()
+    assert words in err
+    assert err.startswith("ertskin: ")
+    assert err.count("\n") == 1
+    assert "Traceback" not in out + err
+
+
+def test_options_may_stand_between_overrides():
+    arguments = ["a=1", "-m", "b=2", "--config-dir", "there", "c=3"]
+    assert cli._options_first(arguments) == ["-m", "--config-dir", "there", "a=1", "b=2", "c=3"]
+
+
+def test_a_sweep_is_named_by_what_it_asks_for():
+    asked = cli.sweep_key("train", ["-m", "a=1,2", "b=3"])
+    assert cli.sweep_key("train", ["b=3", "a=1,2", "--multirun", "hydra/launcher=joblib"]) == asked
+    assert cli.sweep_key("train", ["-m", "a=1,2", "b=4"]) != asked
+
+
+def test_the_configuration_offers_what_it_has():
+    assert "paper" in choices("model")
+    assert "mlflow" in choices("tracking")
+
+
+def test_the_dashboard_serves_until_told_to_stop_and_leaves_nothing_running(workplace):
+    command = [sys.executable, "-m", "ertskin.cli", "dashboard", "port=0", "open=false"]
+    server = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    try:
+        line = server.stdout.readline()
+        assert "http://127.0.0.1:" in line
+        assert "workflowType=machine_learning" in line
+        server.send_signal(signal.SIGINT)
+        _, err = server.communicate(timeout=30)
+    finally:
+        server.kill()
+    assert server.returncode == 130
+    assert err == "ertskin: stopped\n"
+    port = int(line.split("127.0.0.1:")[1].split("/")[0])
+    deadline = time.monotonic() + 10
+    while _listens(port) and time.monotonic() < deadline:
+        time.sleep(0.2)
+    assert not _listens(port)
+
+
+def _listens(port: int) -> bool:
+    import socket
+
+    with socket.socket() as probe:
+        return probe.connect_ex(("127.0.0.1", port)) == 0
+
+
+def test_output_cut_short_by_a_pipe_is_no_error(tmp_path):
+    command = f"{sys.executable} -m ertskin.cli --help | head -1"
+    done = subprocess.run(["sh", "-c", command], capture_output=True, text=True, check=True, env=os.environ)
+    assert "Traceback" not in done.stderr
