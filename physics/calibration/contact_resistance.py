@@ -35,6 +35,9 @@ _CONVERGED = 1e-2
 _ROUNDING = 1e-6
 """A rise of the misfit by less than this share is the solver's rounding, not a failed step."""
 
+_SOLVED = 1e-8
+"""Noise-free readings count as fitted at this share of the largest."""
+
 _LARGEST_FALL = 2.0
 _LARGEST_RISE = 30.0
 _PRIOR_LOG_SD = 4.6
@@ -255,9 +258,11 @@ def _explore(cost: Callable[[Array], float], point: Array, value: float, stride:
 
 
 def _noise(problem: ContactProblem, jacobian: Array, residual: Array) -> float:
+    """Noise of one coordinate in volt: given, or the residual's, but never below the solver's rounding."""
     if problem.noise_v is not None:
         return problem.noise_v
-    return float(np.sqrt(residual @ residual / max(1, jacobian.shape[0] - jacobian.shape[1])))
+    scatter = np.sqrt(residual @ residual / max(1, jacobian.shape[0] - jacobian.shape[1]))
+    return float(max(scatter, _SOLVED * np.abs(problem.voltage_v).max()))
 
 
 def _result(

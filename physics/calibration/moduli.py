@@ -24,6 +24,7 @@ Groups = Mapping[str, tuple[str, ...]]
 
 _STEP = 1e-3
 _STEPS = 40
+_INSENSITIVE = 1e-10
 
 
 def moduli_groups(sensor: Sensor, fixed: tuple[str, ...] = ("glue",)) -> dict[str, tuple[str, ...]]:
@@ -151,6 +152,8 @@ def fit_moduli(
         value, gradient = stiffness_gradient(sensor, groups, np.exp(logs))
         # nearest point to the start on the linearised valley
         gap = np.log(stiffness) - value - gradient @ (start - logs)
+        if gradient @ gradient < _INSENSITIVE:
+            raise ValueError(f"no moduli of {list(groups)} give the measured stiffness of {stiffness:.4g} N/m")
         step = start + gradient * gap / (gradient @ gradient) - logs
         logs = logs + np.clip(step, -1.0, 1.0)
         if np.abs(step).max() < 1e-9:

@@ -93,7 +93,7 @@ class PressedProblem:
         contacts: ContactFit,
         frames: PressedFrames,
     ) -> None:
-        self.sensor, self.groups, self.model, self.frames = sensor, groups, model, frames
+        self.sensor, self.groups, self.model, self.protocol, self.frames = sensor, groups, model, protocol, frames
         self.specimen, self.moduli, self.contacts = specimen, moduli, contacts
         self.space = ScanSpace.of(protocol)
         self._measured = self.space.coordinates(frames.voltage_v)

@@ -48,8 +48,8 @@ def rest_scan(voltage_v: Array, protocol: Protocol) -> RestScan:
     bent = np.clip(voltage, middle - _BEND * spread, middle + _BEND * spread) if len(voltage) > 2 else voltage
     mean = bent.mean(axis=0)
     space = ScanSpace.of(protocol)
-    seen = space.coordinates(voltage - mean)
-    unseen = (voltage - mean).reshape(len(voltage), -1) - seen @ space.basis.T
+    seen = space.coordinates(bent - mean)
+    unseen = (bent - mean).reshape(len(voltage), -1) - seen @ space.basis.T
     rest = mean.ravel() - space.basis @ space.coordinates(mean)
     enough = np.sqrt(len(voltage) / (len(voltage) - 1)) if len(voltage) > 1 else np.nan
     share = np.sqrt(mean.size / max(1, mean.size - space.basis.shape[1]))

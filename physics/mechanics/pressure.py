@@ -15,7 +15,7 @@ from physics.sensor import Sensor, four_points_m
 
 Array = NDArray[np.float64]
 
-_SAMPLES = 1200
+_SAMPLES = 600
 
 
 def indenter_points_m(sensor: Sensor) -> Array:
