@@ -52,8 +52,8 @@ def _plain(calibration: Calibration) -> dict[str, Any]:
         "format": FORMAT,
         "format_version": VERSION,
         "recording": calibration.recording,
-        "noise_v": calibration.noise_v,
-        "indenter_n_per_m": calibration.indenter_n_per_m,
+        "noise_v": _number(calibration.noise_v),
+        "indenter_n_per_m": _number(calibration.indenter_n_per_m),
         "contact_resistance_ohm": _list(calibration.contact_resistance_ohm),
         "contact_resistance_error_ohm": _list(calibration.contact_resistance_error_ohm),
         "law": None
@@ -107,6 +107,10 @@ def _points(name: str, value: Any) -> np.ndarray | None:
 
 def _vector(value: Any) -> np.ndarray | None:
     return None if value is None else np.array(value, dtype=float)
+
+
+def _number(value: float | None) -> float | None:
+    return None if value is None else float(value)
 
 
 def _list(value: Any) -> Any:
