@@ -28,6 +28,8 @@ Array = NDArray[np.float64]
 
 _STEP = 0.05
 _ROUNDS = 4
+_TAIL = 1e-4
+"""Derivatives leave out pressures below this part of the largest."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -179,18 +181,23 @@ class PressedProblem:
     def _slopes(
         self, solution: Solution, law: PiezoPolynomial, contact: Array, scale: float, pressure: Array, by_log: Array
     ) -> Array:
-        """(n, groups + 6 + 1 + L) derivatives in volt of one frame's coordinates."""
+        """(n, groups + 6 + 1 + L) derivatives in volt of one frame's coordinates.
+
+        Resistances scale together, so the whole sheet in proportion is known from the contacts' derivatives (Euler),
+        and what a coefficient does beyond that stays under the contact.
+        """
         resistance = law.sheet_resistance_ohm_sq(pressure)
-        change = np.concatenate(
-            [
-                law.derivative(pressure) * by_log,
-                np.exp(scale) * np.moveaxis(law.basis(pressure), -1, 0),
-                resistance[None],
-            ]
-        )
-        by_field = solution.directional(-change / resistance**2)
+        proportion = resistance / law.zero_ohm_sq
+        coefficient = np.exp(scale) * np.moveaxis(law.basis(pressure), -1, 0)
+        far = np.exp(scale) * law.basis(np.zeros(1))[0]
+        pressed = np.abs(pressure) > _TAIL * np.abs(pressure).max()
+        change = np.concatenate([law.derivative(pressure) * by_log, coefficient - far[:, None, None] * proportion])
+        local = solution.directional(np.where(pressed, -change / resistance**2, 0.0)).T
         by_contact = solution.jacobian_contact_resistance() * contact
-        return self.space.design @ np.hstack([by_field.T, by_contact])
+        by_sheet = (solution.pair_resistance_ohm - by_contact.sum(axis=1))[:, None]
+        moduli, coefficients = np.split(local, [len(self.groups)], axis=1)
+        coefficients = coefficients + by_sheet * far / law.zero_ohm_sq
+        return self.space.design @ np.hstack([moduli, coefficients, by_sheet, by_contact])
 
     def _specimen_row(self, state: _State) -> tuple[Array, Array]:
         root = np.linalg.inv(np.linalg.cholesky(self.specimen.covariance))
