@@ -52,6 +52,20 @@ def parse_identity(frame: Frame) -> Identity | None:
     return identity if sane and all(np.isfinite(number) and number > 0 for number in numbers) else None
 
 
+def identity_at(transport: Transport, timeout_s: float) -> Identity | None:
+    """Ask whatever is at the other end who it is; None where no device of ours answers in time."""
+    transport.discard()
+    transport.write(b"I\n")
+    parser, clock = FrameParser(), transport.clock
+    deadline = clock.now() + timeout_s
+    while (left := deadline - clock.now()) > 0:
+        for frame in parser.feed(transport.read(left)):
+            identity = parse_identity(frame) if frame.type == Type.IDENTITY else None
+            if identity is not None:
+                return identity
+    return None
+
+
 class ErtLink:
     """A reader on our own link."""
 
@@ -72,15 +86,11 @@ class ErtLink:
 
     def identify(self) -> str:
         """The device's name and serial number; also settles its scale, its shape and the next scan's number."""
-        self._transport.discard()
         self._parser.reset()
         for _ in range(3):
-            self._transport.write(b"I\n")
-            deadline = self._clock.now() + ANSWER_S / 2
-            while (frame := self._frame(deadline)) is not None:
-                identity = parse_identity(frame) if frame.type == Type.IDENTITY else None
-                if identity is not None:
-                    return self._accepted(identity)
+            identity = identity_at(self._transport, ANSWER_S / 2)
+            if identity is not None:
+                return self._accepted(identity)
         raise Refusal(f"{self._name}: is no reader of our link")
 
     def start(self) -> None:

@@ -32,7 +32,11 @@ T = TypeVar("T")
 READERS = ("link", "spectra", "eit_kit")
 LOAD_CELLS = ("hx711", "mark10", "futek")
 STAGES = ("grbl", "marlin")
-LINES = ("outgoing", "incoming")
+LINES = {
+    **dict.fromkeys(("grbl", "marlin", "mark10", "link"), ("outgoing", "incoming")),
+    **dict.fromkeys(("hx711", "futek", "spectra", "eit_kit"), ("outgoing",)),
+}
+"""Ways a message can go; some devices are never spoken to."""
 BREAKDOWNS = {
     "grbl": ("crash", "unplug", "trip"),
     "marlin": ("crash", "unplug", "keep_busy"),
@@ -49,7 +53,8 @@ class Tally:
     """What came of the faults thrown at one thing."""
 
     subject: str
-    injected: Counter[str] = field(default_factory=Counter)
+    breakdowns: Counter[str] = field(default_factory=Counter)
+    lines: dict[str, Faults] = field(default_factory=dict)
     handed_out: int = 0
     reported: int = 0
     wrong: int = 0
@@ -60,9 +65,20 @@ class Tally:
     longest_s: float = 0.0
 
     @property
+    def injected(self) -> Counter[str]:
+        """Faults that took effect, by kind."""
+        damaged = {f"{way} {kind}": n for way, line in self.lines.items() for kind, n in line.injected.items()}
+        return self.breakdowns + Counter(damaged)
+
+    @property
     def faults(self) -> int:
-        """Faults injected."""
+        """Faults that took effect."""
         return self.injected.total()
+
+    def watch(self, name: str, device: Any) -> None:
+        """Count what happens to a device's line."""
+        self.lines[f"{name} to the host"] = device.outgoing
+        self.lines[f"{name} to the device"] = device.incoming
 
     @property
     def broken(self) -> int:
@@ -113,11 +129,12 @@ def try_reader(kind: str, faults: int, seed: int) -> Tally:
     tally, rng = Tally(f"ERT reader {kind}"), np.random.default_rng(seed)
     bench = small_bench(reader=kind, seed=seed)
     rig = bench.open()
+    tally.watch(kind, bench.reader)
     made_before = lost = 0
     scan_s = rig.protocol.scan_s or 0.4
     tally.timed(bench, 10.0, rig.reader.identify)
     while tally.faults < faults:
-        _throw(bench.reader, rng, tally, (*LINES, *BREAKDOWNS[kind]))
+        _throw(bench.reader, rng, tally, (*LINES[kind], *BREAKDOWNS[kind]))
         started, _ = tally.timed(bench, 20.0, rig.reader.start)
         bench.clock.sleep(scan_s)
         _, scan = tally.timed(bench, 8.0, lambda: rig.reader.finish(6.0)) if started else (False, None)
@@ -152,12 +169,13 @@ def try_load_cell(kind: str, faults: int, seed: int) -> Tally:
     tally, rng = Tally(f"load cell {kind}"), np.random.default_rng(seed)
     bench = small_bench(load_cell=kind, seed=seed)
     rig = bench.open()
+    tally.watch(kind, bench.load_cell)
     bench.world.mover = None
     bench.world.pressed_n = 3.25
     offset = 234 / 20_000.0 if kind == "hx711" else 0.0
     tally.timed(bench, 10.0, rig.load_cell.identify)
     while tally.faults < faults:
-        _throw(bench.load_cell, rng, tally, (*LINES, *BREAKDOWNS[kind]))
+        _throw(bench.load_cell, rng, tally, (*LINES[kind], *BREAKDOWNS[kind]))
         samples: list[Any] = []
         begin = bench.clock.now()
         while len(samples) < 4:
@@ -181,11 +199,12 @@ def try_stage(kind: str, faults: int, seed: int) -> Tally:
     tally, rng = Tally(f"stage {kind}"), np.random.default_rng(seed)
     bench = small_bench(stage=kind, seed=seed)
     rig = bench.open()
+    tally.watch(kind, bench.stage)
     low, high = np.array(rig.stage.travel.low_m), np.array(rig.stage.travel.high_m)
     tally.timed(bench, 40.0, rig.stage.identify)
     tally.timed(bench, 120.0, rig.stage.home)
     while tally.faults < faults:
-        _throw(bench.stage, rng, tally, (*LINES, *BREAKDOWNS[kind]))
+        _throw(bench.stage, rng, tally, (*LINES[kind], *BREAKDOWNS[kind]))
         target = low + rng.random(3) * (high - low)
         arrived, _ = tally.timed(bench, 60.0, partial(_go, bench, rig.stage, target))
         if arrived:
@@ -215,19 +234,17 @@ def _recover(stage: Any) -> None:
 
 
 def _throw(device: Any, rng: np.random.Generator, tally: Tally, kinds: tuple[str, ...]) -> None:
-    """One fault of a random kind: on the next message either way, or in the device."""
+    """One fault of a random kind: on one of the next messages either way, or in the device."""
     kind = kinds[int(rng.integers(0, len(kinds)))]
-    if kind in LINES:
+    if kind in ("outgoing", "incoming"):
         choices = [name for name in DAMAGE if kind == "outgoing" or name != "late"]
-        name = choices[int(rng.integers(0, len(choices)))]
         line = getattr(device, kind)
         line.disarm()
-        line.arm(name)
-        tally.injected[f"{kind} {name}"] += 1
+        line.arm(choices[int(rng.integers(0, len(choices)))], int(rng.integers(0, 3)))
         return
     if not device.plugged:
         return
-    tally.injected[kind] += 1
+    tally.breakdowns[kind] += 1
     if kind == "unplug":
         device.unplug(float(rng.uniform(0.2, 8.0)))
     elif kind == "keep_busy":
@@ -251,6 +268,8 @@ def try_experiment(stage: str, load_cell: str, reader: str, seed: int, share: fl
             _throw(devices[name], rng, tally, BREAKDOWNS[name])
 
     _wear(list(devices.values()), share, seed)
+    for name, device in devices.items():
+        tally.watch(name, device)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "trial.h5"
         header = Recording("trial", "", "", rig.sensor, rig.protocol)
@@ -260,8 +279,6 @@ def try_experiment(stage: str, load_cell: str, reader: str, seed: int, share: fl
         recorder.close()
         frames = read_recording(part_of(path)).frames
     assert frames is not None
-    for device in devices.values():
-        tally.injected.update(device.incoming.injected + device.outgoing.injected)
     tally.handed_out = len(frames)
     for number in range(len(frames)):
         count = None if frames.adc_count is None else frames.adc_count[number]

@@ -57,17 +57,18 @@ class Faults:
         self._share = dict(share or {})
         if unknown := set(self._share) - set(DAMAGE):
             raise KeyError(f"no faults {sorted(unknown)}: choose from {sorted(DAMAGE)}")
-        self._armed: deque[str] = deque()
+        self._armed: deque[str | None] = deque()
 
-    def arm(self, kind: str) -> None:
-        """Let the next message suffer ``kind``."""
+    def arm(self, kind: str, after: int = 0) -> None:
+        """Let a message suffer ``kind``: the next one, or that ``after`` so many whole ones."""
         if kind not in DAMAGE:
             raise KeyError(kind)
+        self._armed.extend([None] * after)
         self._armed.append(kind)
 
     def disarm(self) -> int:
         """Drop the faults still armed; how many they were."""
-        left = len(self._armed)
+        left = sum(kind is not None for kind in self._armed)
         self._armed.clear()
         return left
 

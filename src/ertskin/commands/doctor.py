@@ -1,12 +1,13 @@
 """Say whether a recording is sound, and which instruments answer.
 
-``recording=FILE`` prints what the file holds and what is wrong with it; ``rig=NAME`` asks every instrument of the rig.
+``recording=FILE`` prints what the file holds and what is wrong with it; ``rig=NAME`` asks every instrument of the rig,
+without moving anything; with neither, every serial port of this machine is asked what it is.
 """
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, cast
 
 from hardware.measurement import RecordingError
 from hardware.validate import Findings, validate
@@ -15,12 +16,20 @@ if TYPE_CHECKING:
     from omegaconf import DictConfig
     from rich.console import Console
 
+    from hardware.discovery import Answer
+
 
 def run(config: DictConfig) -> None:
-    """Examine ``config.recording`` and print what was found; raises ``RecordingError`` where it can't be used."""
+    """Examine ``config.recording``, or ask ``config.rig``, or ask every port."""
     from rich.console import Console
 
-    examine_recording(Path(config.recording), Console())
+    console = Console()
+    if config.recording is not None:
+        examine_recording(Path(config.recording), console)
+    if config.get("rig") is not None:
+        examine_rig(config, console)
+    elif config.recording is None:
+        examine_ports(console)
 
 
 def examine_recording(path: Path, console: Console) -> None:
@@ -43,3 +52,45 @@ def print_findings(findings: Findings, console: Console) -> None:
     for warning in findings.warnings:
         console.print(f"[yellow]warning[/yellow] {escape(warning)}", soft_wrap=True, highlight=False)
     console.print("[green]ok[/green] the recording can be used", highlight=False)
+
+
+def examine_rig(config: DictConfig, console: Console) -> None:
+    """Ask every instrument of the configured rig; raises ``JobFailed`` where one does not answer."""
+    from omegaconf import OmegaConf
+
+    from ertskin.bench.opening import described, opened
+    from ertskin.errors import JobFailed
+    from hardware.discovery import ask_rig
+    from hardware.failure import InstrumentError
+
+    fields = cast(dict[str, Any], OmegaConf.to_container(config, resolve=True))
+    try:
+        with opened(fields["rig"], *described(fields["sensor"])) as bench:
+            answers = ask_rig(bench.rig)
+    except InstrumentError as error:
+        raise JobFailed(str(error)) from None
+    _print_answers(answers, console)
+    if silent := [answer.where for answer in answers if not answer.well]:
+        raise JobFailed(f"rig {fields['rig']['name']}: no answer from {', '.join(silent)}")
+
+
+def examine_ports(console: Console) -> None:
+    """Ask every serial port of this machine what it is."""
+    from hardware.clock import SystemClock
+    from hardware.discovery import discover, ports
+
+    found = ports()
+    if not found:
+        console.print("no serial ports; recording=FILE examines a recording, rig=virtual the virtual bench")
+        return
+    for name, known in found:
+        console.print(f"{name}  {known}", highlight=False, soft_wrap=True)
+    _print_answers(discover([name for name, _ in found], SystemClock()), console)
+
+
+def _print_answers(answers: list[Answer], console: Console) -> None:
+    from rich.markup import escape
+
+    for answer in answers:
+        mark = "[green]ok[/green]" if answer.well else "[red]--[/red]"
+        console.print(f"{mark} {escape(answer.where)}: {escape(answer.what)}", highlight=False, soft_wrap=True)

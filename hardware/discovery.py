@@ -1,0 +1,156 @@
+"""Who is there: the instruments of a rig asked one by one, and the ports of this machine asked what they are."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+
+from serial.tools import list_ports
+
+from hardware.clock import Clock
+from hardware.ert_readers.link import identity_at
+from hardware.failure import InstrumentError
+from hardware.load_cells.futek import parse_futek
+from hardware.load_cells.hx711 import LAYOUTS, parse_hx711
+from hardware.load_cells.mark10 import parse_mark10
+from hardware.rig import Rig
+from hardware.stages.grbl import parse_status
+from hardware.stages.marlin import parse_position
+from hardware.transport import Lines, SerialTransport
+
+LISTEN_S = 2.5
+"""Long enough for a board that restarts when its port is opened."""
+ANSWER_S = 0.8
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What one instrument, or one port, said: ``well`` if it can be used."""
+
+    where: str
+    what: str
+    well: bool
+
+
+def ask_rig(rig: Rig) -> list[Answer]:
+    """Have every instrument of an opened rig name itself and give one value. Nothing moves."""
+    return [
+        _asked("stage", lambda: f"{rig.stage.identify()}, answers"),
+        _asked("load cell", lambda: f"{rig.load_cell.identify()}, {rig.load_cell.force(2.0).force_n:.3f} N untared"),
+        _asked("ERT reader", lambda: f"{rig.reader.identify()}, {_one_scan(rig)}"),
+    ]
+
+
+def _asked(where: str, question: Callable[[], str]) -> Answer:
+    try:
+        return Answer(where, question(), True)
+    except InstrumentError as error:
+        return Answer(where, str(error), False)
+
+
+def _one_scan(rig: Rig) -> str:
+    rig.reader.start()
+    rig.clock.sleep(rig.protocol.scan_s or 0.0)
+    scan = rig.reader.finish(4.0)
+    injections, readings = scan.voltage_v.shape
+    return f"a scan of {injections}x{readings}, largest reading {scan.voltage_v.max():.3f} V"
+
+
+def ports() -> list[tuple[str, str]]:
+    """(device, what the system knows of it) of this machine's serial ports, USB identifiers as a rig takes them."""
+    found = []
+    for item in list_ports.comports():
+        usb = f"usb:{item.vid:04x}:{item.pid:04x}" if item.vid is not None and item.pid is not None else ""
+        number = f":{item.serial_number}" if usb and item.serial_number else ""
+        found.append((str(item.device), f"{usb}{number} {item.description or ''}".strip()))
+    return sorted(found)
+
+
+def discover(names: Iterable[str], clock: Clock) -> list[Answer]:
+    """Ask ports what they are. Questions are those the drivers ask; none makes a stage move."""
+    return [_port(name, clock) for name in names]
+
+
+def _port(name: str, clock: Clock) -> Answer:
+    said = ""
+    try:
+        for baud, questions in QUESTIONS.items():
+            line = SerialTransport(name, baud, clock)
+            try:
+                for question in questions:
+                    said = question(line)
+                    if said:
+                        return Answer(name, f"{said} at {baud} baud", True)
+            finally:
+                line.close()
+    except InstrumentError as error:
+        return Answer(name, str(error), False)
+    return Answer(name, "answers nothing that a driver knows", False)
+
+
+def _heard(line: SerialTransport) -> str:
+    """What sends without being asked."""
+    lines = Lines(line)
+    deadline = line.clock.now() + LISTEN_S
+    lines.next(LISTEN_S)
+    while (text := lines.next(deadline - line.clock.now())) is not None:
+        for name, recognised in STREAMS.items():
+            if recognised(text):
+                return name
+    return ""
+
+
+def _answered(question: bytes, recognised: Callable[[str], str]) -> Callable[[SerialTransport], str]:
+    def ask(line: SerialTransport) -> str:
+        lines = Lines(line)
+        lines.discard()
+        line.write(question)
+        deadline = line.clock.now() + ANSWER_S
+        while (text := lines.next(deadline - line.clock.now())) is not None:
+            if name := recognised(text):
+                return name
+        return ""
+
+    return ask
+
+
+def _link(line: SerialTransport) -> str:
+    identity = identity_at(line, ANSWER_S)
+    return "" if identity is None else f"link: {identity.name} {identity.serial}"
+
+
+def _fields(text: str) -> int:
+    """How many numbers with a decimal point a line of commas holds; 0 where it holds anything else."""
+    parts = [part.strip() for part in text.rstrip(",").split(",")]
+    try:
+        [float(part) for part in parts]
+    except ValueError:
+        return 0
+    return len(parts) if all("." in part for part in parts) else 0
+
+
+STREAMS: dict[str, Callable[[str], object]] = {
+    "grbl": lambda text: text.startswith("Grbl 1.1"),
+    "marlin": lambda text: text.startswith("echo:Marlin"),
+    "spectra": lambda text: text.startswith("magnitudes"),
+    "eit_kit": lambda text: _fields(text) >= 16,
+    "futek": lambda text: parse_futek(text) is not None,
+    **{
+        f"hx711 ({layout})": (lambda text, layout=layout: parse_hx711(text, layout, "N") is not None)  # type: ignore[misc]
+        for layout in LAYOUTS
+    },
+}
+"""How a line that comes unasked is recognised, by the driver's name."""
+
+# The same request to a gauge and to GRBL: one without its end would spoil the gauge's next.
+_ASK_VALUE = _answered(
+    b"?\r", lambda text: "grbl" if parse_status(text) else "mark10" if parse_mark10(text) is not None else ""
+)
+_ASK_MARLIN = _answered(b"M114\n", lambda text: "marlin" if parse_position(text) is not None else "")
+QUESTIONS: dict[int, tuple[Callable[[SerialTransport], str], ...]] = {
+    115_200: (_heard, _ASK_VALUE, _ASK_MARLIN, _link),
+    921_600: (_link,),
+    250_000: (_ASK_MARLIN,),
+    9_600: (_heard, _ASK_VALUE),
+}
+"""What is asked at which baud rate, in this order."""

@@ -1,0 +1,41 @@
+"""Ports asked what they are, and rigs whether they answer."""
+
+from __future__ import annotations
+
+import pytest
+
+from hardware.discovery import ask_rig, discover
+from hardware.virtual.fault_trial import small_bench
+
+
+@pytest.mark.parametrize(
+    ("stage", "load_cell", "reader"),
+    [("grbl", "hx711", "link"), ("marlin", "mark10", "spectra"), ("grbl", "futek", "eit_kit")],
+)
+def test_every_device_is_recognised(stage: str, load_cell: str, reader: str) -> None:
+    bench = small_bench(stage, load_cell, reader)
+    answers = discover([bench.stage.port, bench.load_cell.port, bench.reader.port], bench.clock)
+    for answer, name in zip(answers, (stage, load_cell, reader), strict=True):
+        assert answer.well
+        assert answer.what.startswith(name)
+    bench.close()
+
+
+def test_a_silent_port_and_an_absent_one() -> None:
+    bench = small_bench()
+    bench.reader.receive = lambda _data: None
+    answers = discover([bench.reader.port, "/nowhere"], bench.clock)
+    assert [answer.well for answer in answers] == [False, False]
+    assert "nothing" in answers[0].what
+    assert "can't be opened" in answers[1].what
+    bench.close()
+
+
+def test_a_rig_answers_or_says_who_does_not() -> None:
+    bench = small_bench()
+    rig = bench.open()
+    assert all(answer.well for answer in ask_rig(rig))
+    bench.load_cell.unplug()
+    assert [answer.well for answer in ask_rig(rig)] == [True, False, True]
+    rig.close()
+    bench.close()
