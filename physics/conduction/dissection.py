@@ -87,7 +87,7 @@ def _bisect(indptr, indices, xy, leaf):  # type: ignore[no-untyped-def]
         for angle in range(4):
             order = np.argsort(_along(xy, nodes, angle))
             for tenth in range(8, 13):
-                cut = len(nodes) * tenth // 20
+                cut = max(1, len(nodes) * tenth // 20)
                 side[nodes[order[:cut]]] = 0
                 side[nodes[order[cut:]]] = 1
                 width = _boundary(indptr, indices, nodes, side, inside, stamp)
