@@ -38,6 +38,14 @@ class InterfacePressure:
     points_m: Array
 
     @classmethod
+    def of(cls, sensor: Sensor, method: str = "transform") -> InterfacePressure:
+        """The field by ``method``, "transform" or the paper's "bricks"; raises ``ValueError`` for any other name."""
+        methods = {"transform": cls.from_transform, "bricks": cls.from_bricks}
+        if method not in methods:
+            raise ValueError(f"interface pressure by {method!r}: choose one of {', '.join(methods)}")
+        return methods[method](sensor)
+
+    @classmethod
     def from_transform(cls, sensor: Sensor, max_radius_m: float | None = None) -> InterfacePressure:
         """The exact field of the laterally unlimited pad, up to ``max_radius_m`` (twelve times the pad's thickness)."""
         thickness_m = sum(layer.thickness_m for layer in sensor.layers)

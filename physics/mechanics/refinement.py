@@ -49,6 +49,6 @@ def refine_bricks(sensor: Sensor, spacing_m: Sequence[float]) -> Refinement:
         tuple(float(s) for s in spacings),
         tuple(change),
         order,
-        change[-1] / gain if gain > 0 else float("inf"),
+        float(change[-1] / gain) if gain > 0 else float("inf"),
         float(np.abs(fields[-1] - exact).max()) / largest,
     )

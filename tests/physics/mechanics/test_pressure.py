@@ -75,3 +75,10 @@ def test_kernel_interpolates_a_gaussian():
     at = np.linspace(0.0, 0.02, 77)
     assert kernel.at(at**2) == pytest.approx(np.exp(-((at / 5e-3) ** 2)), abs=1e-6)
     assert kernel.derivative(at**2) == pytest.approx(-np.exp(-((at / 5e-3) ** 2)) / 25e-6, rel=1e-3, abs=1.0)
+
+
+def test_method_is_chosen_by_name(paper_sensor: Sensor, pressure: InterfacePressure):
+    offset = np.array([[1e-3, 2e-3]])
+    assert InterfacePressure.of(paper_sensor, "transform").at(offset) == pytest.approx(pressure.at(offset), rel=1e-12)
+    with pytest.raises(ValueError, match="transform, bricks"):
+        InterfacePressure.of(paper_sensor, "springs")
