@@ -112,8 +112,8 @@ class MarlinController(Terminal):
 
     def _take_line(self, text: str) -> None:
         match = _NUMBERED.fullmatch(text)
-        if match is None:
-            if text.startswith("N"):
+        if match is None or not text.isascii():
+            if text.startswith("N") or not text.isascii():
                 return self._resend("No Checksum with line number")
             return self._execute(text)
         number, command = int(match[1]), match[2]

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 from hardware.failure import InstrumentError
+from hardware.plan import PlanError
 from hardware.recording import Recording, RecordingError
 
 if TYPE_CHECKING:
@@ -35,7 +36,7 @@ def run(config: DictConfig) -> None:
     from ertskin.bench.display import print_plan
     from ertskin.bench.opening import described, opened
     from ertskin.bench.plan_choice import chosen_plan
-    from ertskin.errors import JobFailed
+    from ertskin.errors import JobFailed, UserError
 
     console, path = Console(), Path(config.recording)
     fields = cast(dict[str, Any], OmegaConf.to_container(config, resolve=True))
@@ -61,6 +62,8 @@ def run(config: DictConfig) -> None:
             )
             outcome = _record(bench, plan, path, header, start_s, console)
             _seal(bench, path, fields["rig"])
+    except PlanError as error:
+        raise UserError(f"plan: {error}") from None
     except InstrumentError as error:
         raise JobFailed(f"{error}{_kept(path)}") from None
     _tell(console, path, outcome)

@@ -1,0 +1,117 @@
+"""``ertskin record`` and ``ertskin doctor`` as a person uses them, on the virtual bench."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ertskin.cli import main
+from hardware.recorder import part_of
+from hardware.recording import read_recording
+from hardware.validate import validate
+from hardware.virtual.bench.sealing import unseal
+from physics.history import Phase
+
+PRESS = "{contact_m: [0.03, 0.05], rest_s: 1.0, ramp: {depth_m: 1.0e-3, step_m: 5.0e-4, hold_frames: 1}}"
+
+
+def words(out: Path, presses: int = 1, *more: str) -> list[str]:
+    """The command line for a few presses."""
+    listed = f"plan.presses=[{','.join([PRESS] * presses)}]"
+    return ["record", "plan=listed", listed, f"recording={out}", f"rig.sealed={out.parent / 'sealed'}", *more]
+
+
+def test_records_a_plan_into_a_sound_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "a.h5"
+    assert main(words(out)) == 0
+    assert str(out) in capsys.readouterr().out.replace("\n", "")
+    findings = validate(out)
+    assert findings.errors == []
+    recording = read_recording(out)
+    assert recording.frames is not None
+    assert recording.rigid_block is not None
+    assert recording.specimen is not None
+    depth = recording.frames.history.depth_m[:, 0]
+    np.testing.assert_allclose(depth, [np.nan, 0.0, 5e-4, 1e-3, 1e-3, 5e-4, 0.0, np.nan], atol=1e-9)
+    truth, _ = unseal(out, tmp_path / "sealed")
+    assert "piezo_hysteresis" in truth.effects
+    before = out.read_bytes()
+    assert main(words(out)) == 2
+    assert out.read_bytes() == before
+    assert main(["doctor", f"recording={out}"]) == 0
+
+
+def test_a_dry_run_moves_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main([*words(tmp_path / "a.h5", 3), "dry_run=true"]) == 0
+    assert list(tmp_path.iterdir()) == []
+    assert "3 presses, 22 frames" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("word", "told"),
+    [
+        ("plan.kind=unknown", "no kind"),
+        ("rig.stage.driver=abacus", "abacus"),
+        ("rig.effects={no_such_effect: 1.0}", "no_such_effect"),
+        ("rig.limits.depth_m=1.0e-4", "beyond the limit"),
+        ("sensor.electrode_size_m=[1,2,3]", "sensor"),
+    ],
+)
+def test_what_can_not_be_is_told_in_a_line(
+    word: str, told: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(words(tmp_path / "a.h5", 1, word)) == 2
+    error = capsys.readouterr().err.strip()
+    assert told in error
+    assert "\n" not in error
+
+
+def test_killed_and_gone_on_with(tmp_path: Path) -> None:
+    out = tmp_path / "a.h5"
+    command = [sys.executable, "-m", "ertskin.cli", *words(out, 3)]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    deadline = time.monotonic() + 120
+    while time.monotonic() < deadline and not _pressed(out, 1):
+        time.sleep(0.02)
+    os.kill(process.pid, signal.SIGKILL)
+    process.communicate()
+    before = read_recording(part_of(out)).frames
+    assert before is not None
+    assert main(words(out, 3)) == 0
+    frames = read_recording(out).frames
+    assert frames is not None
+    np.testing.assert_array_equal(frames.voltage_v[: len(before)], before.voltage_v)
+    assert (np.diff(frames.history.time_s) > 0).all()
+    assert set(frames.history.press) == {0, 1, 2, 3}
+    assert not part_of(out).exists()
+
+
+def _pressed(out: Path, press: int) -> bool:
+    if not part_of(out).exists():
+        return False
+    try:
+        frames = read_recording(part_of(out)).frames
+    except ValueError:
+        return False
+    return frames is not None and bool(
+        ((frames.history.press == press) & (frames.history.phase == Phase.LOADING)).any()
+    )
+
+
+def test_the_rig_is_asked(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["doctor", "rig=virtual"]) == 0
+    told = capsys.readouterr().out
+    for word in ("GRBL 1.1h", "HX711", "virtual ERT reader"):
+        assert word in told
+
+
+def test_a_rig_that_is_not_there(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["doctor", "rig=grbl_hx711", "rig.stage.port=/nowhere"]) == 1
+    assert "/nowhere" in capsys.readouterr().err
