@@ -52,7 +52,7 @@ class PressForward:
         return {**self.__dict__, "_spots": {}, "_base": None}
 
     def _pressed(self, place_m: Array, force_n: Array) -> Array:
-        there = np.isfinite(force_n) & (np.nan_to_num(force_n) > 0)
+        there = np.isfinite(place_m).all(axis=-1) & (np.nan_to_num(force_n) > 0)  # a cell in air reads a force too
         conductance, base = self.rest
         if not there.any():
             return base.pair_resistance_ohm

@@ -1,0 +1,88 @@
+"""The trials' forward model answers what the whole skin answers, and remembers nothing between presses."""
+
+import pickle
+
+import numpy as np
+import pytest
+
+from ertskin.data.forward import PressForward
+from physics.conduction.mesh import Grading
+from physics.conduction.sheet import Resolution
+from physics.effects.registry import build_effects
+from physics.history import History
+from physics.piezo.polynomial import PiezoPolynomial
+from physics.protocol import Protocol, electrode_pairs
+from physics.sensor import Layer, Sensor, rectangle_m
+from physics.skin import Skin
+
+COARSE = Resolution(2, Grading(cell_m=6e-3, rim_m=2e-3, growth=2.0))
+CENTERS = np.array([[0.006, 0.006], [0.054, 0.006], [0.054, 0.054], [0.006, 0.054], [0.03, 0.006], [0.03, 0.054]])
+PRESSES_M = np.array([[[0.02, 0.03], [np.nan, np.nan]], [[0.02, 0.03], [0.042, 0.015]], [[0.033, 0.041], [0.011, 0.01]]])
+FORCES_N = np.array([[3.0, np.nan], [4.0, 1.5], [0.5, 8.0]])
+
+
+def skin(effects=None):
+    stress = np.linspace(0, 6e4, 40)
+    sensor = Sensor(
+        outline_m=rectangle_m((0.06, 0.06)),
+        sheet_resistance_ohm_sq=18_000.0,
+        electrode_center_m=CENTERS,
+        electrode_size_m=np.full((6, 2), 4e-3),
+        layers=(Layer("foam", 4e-3, 3e4, 0.3), Layer("fabric", 4e-4, 3e5, 0.4), Layer("sheet", 4e-4, 3e5, 0.4)),
+        piezo_interface=1,
+        pad_margin_m=0.03,
+    )
+    law = PiezoPolynomial.fit(stress, 4e3 + 1.4e4 * np.exp(-stress / 1e4))
+    protocol = Protocol.against_sink(electrode_pairs(6), 6, 1e-4)
+    return Skin.build(sensor, protocol, law, np.full(6, 300.0), effects=build_effects(effects or {}), resolution=COARSE)
+
+
+def lone_presses(times_s):
+    """Each press by itself: a rest frame, then frames of the same press at ``times_s``."""
+    for place, force in zip(PRESSES_M, FORCES_N, strict=True):
+        count = len(times_s)
+        yield History(
+            np.r_[0.0, times_s],
+            np.zeros(count + 1, dtype=np.int64),
+            np.r_[0, np.ones(count)].astype(np.uint8),
+            np.concatenate([np.full((1, 2, 2), np.nan), np.repeat(place[None], count, axis=0)]),
+            np.full((count + 1, 2), np.nan),
+            np.concatenate([np.full((1, 2), np.nan), np.repeat(force[None], count, axis=0)]),
+        )
+
+
+@pytest.mark.parametrize(
+    "effects",
+    [
+        None,
+        {"sheet_anisotropy": {"stretch_x": 0.3}},
+        {"contact_pressure_dependence": {"sensitivity_per_pa": 1e-4}},
+        {"piezo_creep": {"fraction": 0.3, "time_s": 2.0}},
+    ],
+    ids=lambda effects: next(iter(effects)) if effects else "plain",
+)
+def test_answers_as_the_whole_skin_does(effects):
+    whole = skin(effects)
+    found = PressForward(whole, dwell_s=1.0).change_ohm(PRESSES_M, FORCES_N)
+    expected = []
+    for history in lone_presses(np.array([1e-3, 1.0])):
+        resistance = whole.pair_resistance_ohm(history)
+        expected.append(resistance[-1] - resistance[0])
+    # A contact's far tail, 2e-4 of its peak, is left out where another contact presses.
+    away = np.linalg.norm(found - expected, axis=1) / np.linalg.norm(expected, axis=1)
+    assert away[0] < 1e-9
+    assert away.max() < 3e-3
+
+
+def test_order_and_company_of_the_presses_do_not_matter():
+    forward = PressForward(skin())
+    together = forward.change_ohm(PRESSES_M, FORCES_N)
+    alone = PressForward(skin()).change_ohm(PRESSES_M[::-1], FORCES_N[::-1])[::-1]
+    assert np.array_equal(together, alone)
+    travelled = pickle.loads(pickle.dumps(forward))
+    assert np.array_equal(travelled.change_ohm(PRESSES_M[:1], FORCES_N[:1]), together[:1])
+
+
+def test_a_load_cell_in_air_presses_nothing():
+    nothing = PressForward(skin()).change_ohm(np.full((2, 1, 2), np.nan), np.array([[0.007], [np.nan]]))
+    assert not nothing.any()
