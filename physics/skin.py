@@ -13,7 +13,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from physics.conduction.sheet import Resolution, SheetModel
+from physics.conduction.sheet import Resolution, SheetModel, Solution
 from physics.effects.effect import (
     AcquisitionEffect,
     Effect,
@@ -71,14 +71,18 @@ class Skin:
         support_n_per_m: float = np.inf,
         effects: Sequence[Effect] = (),
         resolution: str | Resolution = "fine",
+        mechanics: str = "transform",
     ) -> Skin:
-        """Mesh the sensor, displaced electrodes included, and tabulate its pressure field."""
+        """Mesh the sensor, displaced electrodes included, and tabulate its pressure field.
+
+        ``mechanics`` names how the field is solved: the exact "transform" or the paper's "bricks".
+        """
         real = reduce(lambda s, e: e.geometry(s), _of(effects, ElectrodeEffect), sensor)
         return cls(
             sensor,
             protocol,
             SheetModel(real, resolution),
-            InterfacePressure.from_transform(sensor),
+            InterfacePressure.of(sensor, mechanics),
             piezo,
             np.asarray(contact_resistance_ohm, dtype=float),
             support_n_per_m,
@@ -193,14 +197,14 @@ class Skin:
         for spot in spots:
             apart = np.nan_to_num(np.hypot(*np.moveaxis(contact_m - spot, -1, 0)), nan=np.inf)
             close |= (apart < 2 * reach).any(axis=1)
-        frames = np.flatnonzero(close | self._resting(contact_m, force_n))
+        frames = np.flatnonzero(close | self._in_air(contact_m, force_n))
         pressure = self.pressure_pa(position[points], contact_m[frames], force_n[frames])
         effective = self.effective_pressure_pa(pressure, position[points], time_s[frames])
         kept = effective[np.searchsorted(frames, rows)]
         return points, self.sheet_conductance_s(kept, position[points])
 
     @staticmethod
-    def _resting(contact_m: Array, force_n: Array) -> NDArray[np.bool_]:
+    def _in_air(contact_m: Array, force_n: Array) -> NDArray[np.bool_]:
         """(T,) frames without any contact: memories fade in them."""
         return np.asarray(~_present(contact_m, force_n).any(axis=1))
 
@@ -215,7 +219,18 @@ class Skin:
     def _solved(self, conductance_s: Array, contact_ohm: Array, drift: float) -> Array:
         shaped = conductance_s.reshape(*self.sheet.weight_m2.shape, *conductance_s.shape[1:])
         # A sheet resistance times f with contacts z is f times the original sheet with contacts z/f.
-        return drift * self.sheet.solve(shaped, contact_ohm / drift).pair_resistance_ohm
+        contacts = contact_ohm / drift
+        if conductance_s.ndim > 1 or not np.array_equal(contacts, self.contact_resistance_ohm):
+            return drift * self.sheet.solve(shaped, contacts).pair_resistance_ohm
+        if np.array_equal(shaped, self._resting.conductivity_s):
+            return drift * self._resting.pair_resistance_ohm
+        return drift * self.sheet.solve_again(shaped, self._resting).pair_resistance_ohm
+
+    @cached_property
+    def _resting(self) -> Solution:
+        """The untouched isotropic sheet: a press changes a few percent of it."""
+        sheet = self.sheet_conductance_s(np.zeros(self.sheet.weight_m2.size), self.sheet.quadrature_m.reshape(-1, 2))
+        return self.sheet.solve(sheet.reshape(self.sheet.weight_m2.shape), self.contact_resistance_ohm)
 
     # readings ------------------------------------------------------------------------------------------------------
 
