@@ -19,6 +19,7 @@ PLANNER_MOVES = 15
 BUFFER_BYTES = 128
 LINE_BYTES = 80
 RAPID_M_S = 0.05
+HOMING_M_S = 0.02
 REPLY_S = 0.004
 _WORD = re.compile(r"([A-Z])([+-]?(?:\d+\.?\d*|\.\d+))")
 _KNOWN = {"G0", "G1", "G4", "G17", "G20", "G21", "G53", "G54", "G90", "G91", "G94"}
@@ -33,6 +34,7 @@ class GrblController(Terminal):
         """``travel_m``: lengths of the axes."""
         super().__init__(clock, link)
         self.axes = Axes((0.0, 0.0, 0.0))
+        self.homing_m_s = HOMING_M_S
         world.mover = self.axes
         self._travel_m = np.array(travel_m)
         self._shift_m: Array = np.zeros(3)
@@ -171,8 +173,8 @@ class GrblController(Terminal):
             self._state = "Idle"
             self._homing = True
             now = self.clock.now()
-            self.axes.go(np.array([*self.axes.end_m[:2], 0.0]), 0.02, now)
-            self.axes.go(np.zeros(3), 0.02, now)
+            self.axes.go(np.array([*self.axes.end_m[:2], 0.0]), self.homing_m_s, now)
+            self.axes.go(np.zeros(3), self.homing_m_s, now)
             self._shift_m = np.zeros(3)
             self._answer_s = self.axes.end_s + 0.5
         else:

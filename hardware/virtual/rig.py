@@ -16,8 +16,9 @@ from hardware.virtual.ert_readers import LinkReader, eit_kit_board, spectra_boar
 from hardware.virtual.grbl import GrblController
 from hardware.virtual.load_cells import Mark10Gauge, futek_cell, hx711_scale
 from hardware.virtual.marlin import MarlinController
+from hardware.virtual.serving import RealTimeClock
 from hardware.virtual.skin import Skin
-from hardware.virtual.terminal import Terminal
+from hardware.virtual.terminal import DeviceClock, Terminal
 from hardware.virtual.world import Block, World
 
 MARGIN_M = 0.03
@@ -25,12 +26,12 @@ MARGIN_M = 0.03
 HEIGHT_M = 0.05
 """The stage's top above the sheet."""
 
-LOAD_CELLS: Mapping[str, Callable[[VirtualClock, Path, World], Terminal]] = {
+LOAD_CELLS: Mapping[str, Callable[[DeviceClock, Path, World], Terminal]] = {
     "hx711": hx711_scale,
     "mark10": Mark10Gauge,
     "futek": futek_cell,
 }
-READERS: Mapping[str, Callable[[VirtualClock, Path, World], Terminal]] = {
+READERS: Mapping[str, Callable[[DeviceClock, Path, World], Terminal]] = {
     "link": LinkReader,
     "spectra": spectra_board,
     "eit_kit": eit_kit_board,
@@ -42,7 +43,7 @@ class VirtualBench:
     """Emulated instruments around one world, their clock, and the description of the rig that opens them."""
 
     world: World
-    clock: VirtualClock
+    clock: Any
     stage: Any
     load_cell: Any
     reader: Any
@@ -72,8 +73,12 @@ def virtual_bench(
     force_noise_n: float = 0.0,
     seed: int = 0,
     start_s: float = 0.0,
+    real_time: bool = False,
 ) -> VirtualBench:
-    """A bench around ``skin``. Its surface lies ``sunk_m`` lower than the rig's description says, for the touch-off."""
+    """A bench around ``skin``. Its surface lies ``sunk_m`` lower than the rig's description says, for the touch-off.
+
+    In ``real_time`` a ``Server`` must keep the devices going; otherwise the clock jumps over every wait.
+    """
     folder = Path(tempfile.mkdtemp(prefix="ertskin-bench-"))
     width, depth = (float(length) for length in skin.sensor.extent_m[1])
     travel = (width + 3 * MARGIN_M, depth + 2 * MARGIN_M, HEIGHT_M + 0.01)
@@ -86,7 +91,7 @@ def virtual_bench(
     block_place = (width + 1.5 * MARGIN_M, depth / 2)
     block = None if block_stiffness_n_per_m is None else Block(block_place, block_stiffness_n_per_m)
     world = World(skin, (origin[0], origin[1], origin[2] - sunk_m), block, force_noise_n, seed)
-    clock = VirtualClock(start_s)
+    clock: Any = RealTimeClock() if real_time else VirtualClock(start_s)
     devices: dict[str, Terminal] = {
         "stage": GrblController(clock, folder / "stage", world, travel)
         if stage == "grbl"

@@ -7,6 +7,7 @@ the next press; ``dry_run=true`` prints the plan and how long it takes.
 from __future__ import annotations
 
 import signal
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -60,7 +61,8 @@ def run(config: DictConfig) -> None:
                 None,
                 bench.specimen,
             )
-            outcome = _record(bench, plan, path, header, start_s, console)
+            with _guard(bench, fields["rig"]):
+                outcome = _record(bench, plan, path, header, start_s, console)
             _seal(bench, path, fields["rig"])
     except PlanError as error:
         raise UserError(f"plan: {error}") from None
@@ -96,6 +98,16 @@ def _record(bench: OpenBench, plan: Plan, path: Path, header: Recording, start_s
         raise
     recorder.finish()
     return outcome
+
+
+def _guard(bench: OpenBench, rig: dict[str, Any]) -> AbstractContextManager[None]:
+    """Somebody to raise a real stage should this process be killed; a virtual one goes with it."""
+    from hardware.guardian import guarded
+
+    limits = bench.rig.limits
+    if bench.truth is not None:
+        return nullcontext()
+    return guarded(rig["stage"], limits.clearance_m + limits.depth_m, limits.travel_speed_m_s)
 
 
 def _block(bench: OpenBench, console: Console) -> Any:
