@@ -27,6 +27,8 @@ Array = NDArray[np.float64]
 
 SPOTS = 5
 """Gaussian spots are tried at SPOTS x SPOTS places."""
+LEAST_LEFTOVER = 0.05
+"""Least part of an instrument's pattern expected to lie outside what a network could give."""
 SPOT_KEYS = ("amplitude", "x_m", "y_m", "radius_m")
 
 
@@ -84,7 +86,8 @@ def _trials(problem: VoltageProblem, present: set[str]) -> list[tuple[Probes, Ca
 
         def finish(value: Array) -> Term:
             limited = {
-                k: float(np.clip(v, known[k].low * 0.9, known[k].high * 0.9)) for k, v in zip(defining, value, strict=True)
+                k: float(np.clip(v, known[k].low * 0.9, known[k].high * 0.9))
+                for k, v in zip(defining, value, strict=True)
             }
             return Term(effect.changed(limited), free)
 
@@ -120,7 +123,7 @@ def _loaded_contacts(
 
     def finish(value: Array) -> Term:
         share = float(np.clip(value[0], 0.05, 20.0))
-        return Term(effect.changed({"sensitivity_per_pa": sensitivity * share}), ("sensitivity_per_pa",))
+        return Term(effect.changed({"sensitivity_per_pa": sensitivity * share}), ("sensitivity_per_pa", "exponent"))
 
     trials.append(([(effect, 1.0)], finish))
 
@@ -162,7 +165,10 @@ def _instrument(problem: VoltageProblem, solved: Solved) -> list[Candidate]:
     present = {(t.name, getattr(t.effect, "channel", -1)) for t in solved.terms}
     probes: list[tuple[AcquisitionEffect, str, float]] = []
     for channel in range(electrodes):
-        probes += [(ChannelGain(channel, gain=0.01), "gain", 0.01), (ChannelGain(channel, offset_v=0.01), "offset_v", 0.01)]
+        probes += [
+            (ChannelGain(channel, gain=0.01), "gain", 0.01),
+            (ChannelGain(channel, offset_v=0.01), "offset_v", 0.01),
+        ]
     for way in ("channel", "injection"):
         probes.append((Crosstalk(fraction=0.01, before=way), "fraction", 0.01))
         probes += [(Crosstalk(fraction=0.01, channel=c, before=way), "fraction", 0.01) for c in range(electrodes)]
@@ -172,9 +178,11 @@ def _instrument(problem: VoltageProblem, solved: Solved) -> list[Candidate]:
         if (effect.name, effect.channel) in present:  # type: ignore[attr-defined]
             continue
         moved = (effect.distorted_v(readings, protocol) - readings).reshape(len(readings), -1)
-        part = moved @ basis
-        square = float((moved**2).sum() - (part**2).sum()) / noise**2
-        along = float((moved * wrong).sum() - (part * (wrong @ basis)).sum()) / noise
+        # The residual has no reciprocal part, so only the pattern's length needs it taken off.
+        along, longest = float((moved * wrong).sum()) / noise, float((moved**2).sum()) / noise**2
+        if longest <= 0 or along**2 * problem.leftover_share < 4.0 * LEAST_LEFTOVER * longest:
+            continue
+        square = longest - float(((moved @ basis) ** 2).sum()) / noise**2
         gain, share = _one_column(along, square, problem.leftover_share)
         known = effect.parameters()[key]
         value = float(np.clip(share * size, known.low * 0.9, known.high * 0.9))

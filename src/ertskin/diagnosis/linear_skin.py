@@ -15,22 +15,28 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ertskin.diagnosis.sensitivity import Hats, PadRims, model_elements, sheet_sensitivity, whitening_of_transfer
-from physics.conduction.sheet import SheetModel, Solution
-from physics.effects.effect import SheetEffect
+from physics.conduction.mesh import Grading
+from physics.conduction.sheet import Resolution, SheetModel, Solution
+from physics.effects.effect import Effect, ElectrodeEffect, PlacementEffect, SheetEffect
 from physics.effects.scan_skew import ScanSkew
 from physics.effects.sheet_anisotropy import SheetAnisotropy
 from physics.effects.sheet_inhomogeneity import SheetInhomogeneity
 from physics.history import History
 from physics.protocol import Protocol
+from physics.sensor import Sensor
 from physics.skin import SKEW_NODES, TAIL, Skin, lagrange_weights
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 GRID_M = 1.5e-3
-ALIKE = 0.08
+ALIKE = 0.05
 """States whose changes of conductance differ by less than this part share a solution."""
 COARSE_GRID_M = 0.01
+REMEMBERED = 2000
+"""Pressures are remembered for grids of fewer points than this."""
+COARSE = Resolution(2, Grading(cell_m=8e-3, rim_m=5e-4, growth=7.0, spread=0.7))
+"""Mesh for derivatives by what changes the whole sheet: good to a percent of them."""
 SHEET_TENSORS = np.array([[1.0, 0.0, 1.0], [0.5, 0.0, -0.5], [0.0, 0.5, 0.0]])
 """Scalar change of conductance and the two derivatives of the anisotropic tensor at isotropy."""
 
@@ -86,6 +92,8 @@ class LinearSkin:
         self.protocol = skin.protocol
         self._whitening = whitening_of_transfer(skin.protocol)
         self._contact = skin.contact_m(history.contact_m)
+        self._regime: tuple[object, tuple[Effect, ...], object] = (None, (), None)
+        self._pressures: dict[tuple[object, ...], Array] = {}
         self._rims = PadRims(skin.sheet)
         self._points = skin.sheet.quadrature_m.reshape(-1, 2)
         self._tensor = _tensor_of(skin.effects)
@@ -189,27 +197,31 @@ class LinearSkin:
     @cached_property
     def sheet_derivatives(self) -> list[list[Array]]:
         """Per patch, (3,P,H) derivatives at rest and (but for the resting patch) under the strongest press."""
-        elements = np.arange(len(self.skin.sheet.weight_m2))
-        hats = self.sheet_hats.values(self._points)
-        scale = np.exp(-self._field) / self.skin.piezo.zero_ohm_sq
+        model = SheetModel(_displaced(self.skin), COARSE)
+        points = model.quadrature_m.reshape(-1, 2)
+        elements = np.arange(len(model.weight_m2))
+        hats = self.sheet_hats.values(points)
+        scale = np.exp(-_log_field(self.skin.effects, points, self.skin.sensor.extent_m)) / self.skin.piezo.zero_ohm_sq
 
         def derivative(relative: Array) -> Array:
-            solution = self._solve(relative, self.skin.contact_resistance_ohm, self._rest)
+            conductance = (scale * relative).reshape(model.weight_m2.shape)
+            shaped = conductance if self._isotropic else conductance[..., None] * self._tensor
+            solution = model.solve(shaped, self.skin.contact_resistance_ohm)
             return sheet_sensitivity(solution, elements, hats, self._whitening, SHEET_TENSORS, scale * relative)
 
         def strongest(patch: Patch) -> Array:
             spots = self._contact[patch.rows[0]][_present(self._contact, self.force_n)[patch.rows[0]]]
             if not len(spots):
-                return derivative(self._rest_relative)
-            close = np.flatnonzero(_within(self._points, spots, self.skin.pressure.radius_m(TAIL)))
+                return rest
+            close = np.flatnonzero(_within(points, spots, self.skin.pressure.radius_m(TAIL)))
             signal = np.array([np.abs(patch.states[k].relative - 1).sum() for k in patch.state_of])
             row = patch.rows[int(signal.argmax())]
-            sheet = self._rest_relative.copy()
-            values = self._relative_at(self.skin, self.force_n, self._points[close], patch.frames)
+            sheet = np.ones(len(points))
+            values = self._relative_at(self.skin, self.force_n, points[close], patch.frames)
             sheet[close] = values[np.searchsorted(patch.frames, row)]
             return derivative(sheet)
 
-        rest = derivative(self._rest_relative)
+        rest = derivative(np.ones(len(points)))
         with ThreadPoolExecutor(max_workers=2) as pool:
             return [[rest, top] for top in pool.map(strongest, self.patches)]
 
@@ -267,7 +279,8 @@ class LinearSkin:
             for k, state in enumerate(patch.states):
                 mine = np.flatnonzero(patch.state_of == k)
                 rows = patch.rows[mine]
-                scan = state.scan + (relative[mine] * extra - state.relative * extra) @ state.local.T.astype(float)
+                change = ((relative[mine] - state.relative) * extra).astype(np.float32)
+                scan = state.scan + change @ state.local.T
                 scan += (contacts[rows] - state.contact_ohm) @ state.contact.T
                 if coarse is not None:
                     scan += self.sheet_change(number, k, coarse)
@@ -297,10 +310,24 @@ class LinearSkin:
         return self._relative_at(skin, force_n, patch.grid_m, patch.frames)[patch.kept]
 
     def _relative_at(self, skin: Skin, force_n: Array, position_m: Array, frames: Indices) -> Array:
-        contact = skin.contact_m(self.history.contact_m[frames])
-        pressure = skin.pressure_pa(position_m, contact, force_n[frames])
+        pressure = self._pressure(skin, force_n, position_m, frames)
         effective = skin.effective_pressure_pa(pressure, position_m, self.history.time_s[frames])
         return np.asarray(skin.piezo.zero_ohm_sq / skin.piezo.sheet_resistance_ohm_sq(effective))
+
+    def _pressure(self, skin: Skin, force_n: Array, position_m: Array, frames: Indices) -> Array:
+        """Pressures (n,N), remembered for the latest pressure field, placement and forces."""
+        placement = tuple(e for e in skin.effects if isinstance(e, PlacementEffect))
+        regime = (skin.pressure, placement, force_n)
+        if not (self._regime[0] is regime[0] and self._regime[1] == placement and self._regime[2] is force_n):
+            self._regime, self._pressures = regime, {}
+        key = (position_m.shape, float(position_m.sum()), len(frames), int(frames.sum()))
+        found = self._pressures.get(key)
+        if found is None:
+            contact = skin.contact_m(self.history.contact_m[frames])
+            found = skin.pressure_pa(position_m, contact, force_n[frames])
+            if len(position_m) < REMEMBERED:
+                self._pressures[key] = found
+        return found
 
     def _contact_ohm(self, skin: Skin, force_n: Array) -> Array:
         pads = skin.pad_sample_m
@@ -380,6 +407,14 @@ def _log_field(effects: Sequence[object], position_m: Array, extent_m: Array) ->
         if isinstance(effect, SheetInhomogeneity):
             total += effect.log_resistance(position_m, extent_m)
     return total
+
+
+def _displaced(skin: Skin) -> Sensor:
+    sensor = skin.sensor
+    for effect in skin.effects:
+        if isinstance(effect, ElectrodeEffect):
+            sensor = effect.geometry(sensor)
+    return sensor
 
 
 def _pad_shifts(skin: Skin) -> Array:

@@ -59,17 +59,22 @@ class SkinFamily:
         steps = RATIO_STEP * np.arange(-4.0, 5.0)
         fields = [InterfacePressure.from_transform(stiffened(skin.sensor, float(s))) for s in steps]
         self._steps = steps
+        self._known: dict[float, InterfacePressure] = {}
         self._fields = fields
 
     def pressure(self, log_ratio: float) -> InterfacePressure:
         """The pressure field for a ratio of moduli, interpolated in its logarithm."""
+        if log_ratio in self._known:
+            return self._known[log_ratio]
         weights = [
             np.prod([(log_ratio - other) / (at - other) for other in self._steps if other != at]) for at in self._steps
         ]
         value = sum(w * f.kernel.value for w, f in zip(weights, self._fields, strict=True))
         slope = sum(w * f.kernel.slope for w, f in zip(weights, self._fields, strict=True))
         first = self._fields[0]
-        return InterfacePressure(RadialKernel(first.kernel.radius_m, value, slope), first.points_m)
+        found = InterfacePressure(RadialKernel(first.kernel.radius_m, value, slope), first.points_m)
+        self._known = {**dict(list(self._known.items())[-3:]), log_ratio: found}
+        return found
 
     def skin(self, calibration: Calibration, effects: Sequence[Effect]) -> Skin:
         """The skin with this calibration and these effects, on the first skin's mesh."""

@@ -121,12 +121,11 @@ class VoltageProblem:
         return scan, specimen, leftover
 
     _always_leftover: bool = False
+    reuse: bool = False
 
     # fitting -------------------------------------------------------------------------------------------------------
 
-    def solve(
-        self, terms: Sequence[Term], start: Calibration, *, steps: int = 10, leftover: bool = False
-    ) -> Solved:
+    def solve(self, terms: Sequence[Term], start: Calibration, *, steps: int = 10, leftover: bool = False) -> Solved:
         """Best calibration and effects; ``leftover`` counts the readings' non-reciprocal part even without a term in it."""
         self._always_leftover = leftover
         layout = _Layout(tuple(terms), len(start.vector()))
@@ -169,7 +168,11 @@ class VoltageProblem:
         electrodes = self.evidence.protocol.electrodes
         contact = self.contact_columns(skin)
         columns[..., 1 : 1 + electrodes] = self.discounted(contact)
-        for k in [0, *range(1 + electrodes, count)]:
+        known = self._known_columns(layout)
+        if known is not None:
+            columns[..., : layout.calibration], specimen_columns[:, : layout.calibration] = known
+        moving = range(layout.calibration, count) if known is not None else [0, *range(1 + electrodes, count)]
+        for k in moving:
             step = layout.step(k, x)
             moved = x.copy()
             moved[k] += step
@@ -180,6 +183,13 @@ class VoltageProblem:
                 leftover_columns[:, k] = ((leftover - there[2]) / step).ravel()
         self.last_columns = columns, specimen_columns
         return self._quadratic(scan, columns, specimen, specimen_columns, leftover, leftover_columns)
+
+    def _known_columns(self, layout: _Layout) -> tuple[Array, Array] | None:
+        """The calibration's columns of an earlier fit of this problem: they hardly depend on the terms."""
+        if self.reuse and hasattr(self, "last_columns"):
+            columns, specimen = self.last_columns
+            return columns[..., : layout.calibration], specimen[:, : layout.calibration]
+        return None
 
     def _quadratic(
         self,
@@ -212,7 +222,9 @@ class VoltageProblem:
             for cell in range(self.cell_count):
                 mine = self.cells[self.acquisition.rows] == cell
                 if mine.any():
-                    add(cell, leftover[mine].ravel(), design[mine].reshape(-1, count).astype(float), self.leftover_share)
+                    add(
+                        cell, leftover[mine].ravel(), design[mine].reshape(-1, count).astype(float), self.leftover_share
+                    )
         return Quadratic(cost, gradient, hessian)
 
     def contact_columns(self, skin: Skin) -> Array:

@@ -1,0 +1,141 @@
+"""What a diagnosis claims: effects with confidence, parameters with intervals, what else would do; the verdict."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from physics.effects.effect import Effect
+
+LEVEL = 0.9
+QUANTILE = 1.645
+MATERIAL_RATIO = 1.05
+TEMPERATURE = 10.0
+"""Half chi-square by which evidence is discounted: forms are never exact, and frames of a press share their errors."""
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A parameter's value with its interval at ``LEVEL``."""
+
+    value: float
+    low: float
+    high: float
+    unit: str
+
+
+@dataclass(frozen=True)
+class Claim:
+    """One named effect. ``ratio_alone``: rms over noise, held out, were it alone left out."""
+
+    effect: Effect
+    confidence: float
+    ratio_alone: float
+    parameters: dict[str, Estimate]
+    alternatives: tuple[tuple[str, float], ...] = ()
+
+    def plain(self) -> dict[str, Any]:
+        """As ``diagnosis.json`` wants it."""
+        return {
+            "name": self.effect.name,
+            "confidence": round(self.confidence, 3),
+            "ratio_alone": round(self.ratio_alone, 4),
+            "parameters": {
+                key: {"value": e.value, "low": e.low, "high": e.high, "unit": e.unit, "level": LEVEL}
+                for key, e in self.parameters.items()
+            }
+            | {
+                key: {"value": value, "low": value, "high": value, "unit": "1", "level": LEVEL}
+                for key, value in self.effect.settings().items()
+                if key in ("electrode", "channel") and isinstance(value, int)
+            },
+            "alternatives": [{"name": n, "confidence": round(c, 3)} for n, c in self.alternatives],
+        }
+
+
+@dataclass(frozen=True)
+class HeldOut:
+    """Misfit on presses no fit has seen, in units of the noise; forces in newton."""
+
+    split: str
+    noise_rms_v: float | None
+    ratio_before: float | None
+    ratio_after: float | None
+    p_value: float | None
+    force_before_n: float | None = None
+    force_after_n: float | None = None
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """The answer, as written to ``diagnosis.json``."""
+
+    recording: str
+    verdict: str
+    held_out: HeldOut
+    stage: str | None = None
+    electrodes: tuple[int, ...] = ()
+    position_m: tuple[float, float] | None = None
+    radius_m: float | None = None
+    depends_on: tuple[str, ...] = ()
+    claims: tuple[Claim, ...] = ()
+    unexplained_ratio: float | None = None
+    unexplained_depends_on: tuple[str, ...] = ()
+    next_press: dict[str, Any] | None = None
+    reason: str | None = None
+    extra: dict[str, Any] = field(default_factory=dict)
+
+    def plain(self) -> dict[str, Any]:
+        """The contract's dictionary."""
+        held = self.held_out
+        force = None
+        if held.force_before_n is not None:
+            force = {"rmse_before_n": held.force_before_n, "rmse_after_n": held.force_after_n}
+        document = {
+            "format": "ertskin-diagnosis",
+            "format_version": 1,
+            "recording": self.recording,
+            "verdict": self.verdict,
+            "held_out": {
+                "split": held.split,
+                "noise_rms_v": held.noise_rms_v,
+                "ratio_before": held.ratio_before,
+                "ratio_after": held.ratio_after,
+                "p_value": held.p_value,
+                "force": force,
+            },
+            "where": {
+                "stage": self.stage,
+                "electrodes": list(self.electrodes),
+                "position_m": None if self.position_m is None else list(self.position_m),
+                "radius_m": self.radius_m,
+                "depends_on": list(self.depends_on),
+            },
+            "effects": [claim.plain() for claim in self.claims],
+            "unexplained": {"ratio": self.unexplained_ratio, "depends_on": list(self.unexplained_depends_on)},
+            "next_press": self.next_press,
+        }
+        if self.reason is not None:
+            document["reason"] = self.reason
+        return {**document, **self.extra}
+
+
+def confidences(rivals: tuple[tuple[str, float], ...]) -> tuple[float, tuple[tuple[str, float], ...]]:
+    """Confidence of a term and of its rivals, from the half chi-square by which they fall short."""
+    best: dict[str, float] = {}
+    for name, short in rivals:
+        best[name] = min(short, best.get(name, np.inf))
+    weights = {name: float(np.exp(-max(short, 0.0) / TEMPERATURE)) for name, short in best.items()}
+    total = 1.0 + sum(weights.values())
+    shared = tuple((n, w / total) for n, w in sorted(weights.items(), key=lambda i: -i[1]) if w / total > 0.01)
+    return min(1.0 / total, 0.99), shared
+
+
+def verdict_of(ratio_before: float, ratio_after: float, named: bool, other_mismatch: bool) -> str:
+    """The verdict from held-out ratios; ``other_mismatch``: a material misfit of force or instrument."""
+    material = ratio_before > MATERIAL_RATIO or other_mismatch
+    if not named:
+        return "unexplained" if material else "no_mismatch"
+    return "explained" if ratio_after <= MATERIAL_RATIO else "partly_explained"

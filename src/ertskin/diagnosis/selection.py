@@ -1,0 +1,185 @@
+"""Which effects a recording shows: forward selection by held-out likelihood, then backward, with what else would do."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ertskin.diagnosis.candidates import Candidate, screen
+from ertskin.diagnosis.skin_family import Calibration
+from ertskin.diagnosis.voltage_fit import Solved, Term, VoltageProblem, held_out
+from physics.effects.piezo_hysteresis import PiezoHysteresis
+
+Array = NDArray[np.float64]
+
+SIGNIFICANT = 15.0
+"""Held-out gain in half chi-square that a term must reach: far above what the best of 200 null candidates gains."""
+MATERIAL = 1.03
+"""A term must bring the residual's rms down by this factor of what noise alone leaves, or it isn't worth a name."""
+TRIED = 4
+MOST_TERMS = 5
+
+Report = Callable[[float, str], None]
+Problem = Callable[[Solved | None], VoltageProblem]
+
+
+@dataclass(frozen=True, eq=False)
+class Chosen:
+    """A selected term: what the fit loses without it and what the best other candidate gains in its stead.
+
+    ``ratio_alone``: rms over noise on frames held out if this term alone is left out. ``rivals``: other names with the
+    held-out half chi-square by which they fall short of it.
+    """
+
+    term: Term
+    loss: float
+    ratio_alone: float
+    rivals: tuple[tuple[str, float], ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Selection:
+    """What was found on the frames fitted: the fits without and with the terms, and each term's standing."""
+
+    before: Solved
+    after: Solved
+    chosen: tuple[Chosen, ...]
+    problem: VoltageProblem
+    rounds: tuple[tuple[tuple[str, float], ...], ...]
+
+
+def select(
+    build: Problem, fixed: Sequence[Term], start: Calibration, partitions: Sequence[Sequence[int]], report: Report
+) -> Selection:
+    """Grow the set of terms while one gains, held out, what is significant and material.
+
+    ``build`` linearises about a fit (or about the start); ``fixed`` terms (the force stage's) belong to every model.
+    """
+    problem = build(None)
+    report(0.15, "fitting the calibration")
+    current = problem.solve(fixed, start)
+    before = current
+    rounds: list[tuple[tuple[str, float], ...]] = []
+    stand: dict[str, tuple[tuple[str, float], ...]] = {}
+    for turn in range(MOST_TERMS):
+        score = float(held_out(current, partitions).sum())
+        frames = _residual_count(problem)
+        floor = MATERIAL_COST(frames, score)
+        report(0.2 + 0.1 * turn, f"looking for what is missing (residual {_rms(current):.3f} of the noise)")
+        listed = [c for c in screen(problem, current, partitions) if c.gain > SIGNIFICANT]
+        trials = _try(problem, current, _different(listed), partitions, score)
+        rounds.append(tuple((t.name, g) for t, g, _ in trials))
+        if not trials or trials[0][1] < max(SIGNIFICANT, floor):
+            break
+        term, gain, solved = trials[0]
+        stand[_key(solved.terms[-1])] = tuple((t.name, gain - g) for t, g, _ in trials[1:] if t.name != term.name)
+        problem = build(solved)
+        current = problem.solve(solved.terms, solved.calibration)
+        report(0.25 + 0.1 * turn, f"{term.name} enters")
+    current = _refined(problem, current, partitions)
+    chosen, current = _backward(problem, current, len(fixed), partitions, stand)
+    return Selection(before, current, chosen, problem, tuple(rounds))
+
+
+def MATERIAL_COST(frames: int, score: float) -> float:  # noqa: N802
+    """Half chi-square that a change of the rms by ``MATERIAL`` over the noise amounts to."""
+    return 0.5 * frames * (MATERIAL**2 - 1) * max(1.0, 2 * score / frames) ** 0.5
+
+
+def _residual_count(problem: VoltageProblem) -> int:
+    return int((problem.weight > 0).sum()) * problem.evidence.scan_v.shape[1]
+
+
+def _rms(solved: Solved) -> float:
+    rows = solved.scan_residual.any(axis=1)
+    return float(np.sqrt((solved.scan_residual[rows] ** 2).mean())) if rows.any() else 0.0
+
+
+def _key(term: Term) -> str:
+    return f"{term.name}:{getattr(term.effect, 'electrode', getattr(term.effect, 'channel', ''))}"
+
+
+def _different(listed: Sequence[Candidate]) -> list[Candidate]:
+    """The best starts of each name (two at most), the best names first."""
+    kept: list[Candidate] = []
+    for candidate in listed:
+        same = [k for k in kept if k.name == candidate.name]
+        forms = {k.term.free for k in same}
+        if len({k.name for k in kept} | {candidate.name}) > TRIED:
+            continue
+        if not same or (candidate.term.free not in forms and len(same) < 2):
+            kept.append(candidate)
+    return kept
+
+
+def _try(
+    problem: VoltageProblem,
+    current: Solved,
+    candidates: Sequence[Candidate],
+    partitions: Sequence[Sequence[int]],
+    score: float,
+) -> list[tuple[Term, float, Solved]]:
+    """Each candidate fitted for good, best held-out gain first."""
+    results = []
+    instrument = any(c.term.effect.stage == "acquisition" for c in candidates)
+    reference = score
+    if instrument:
+        plain = problem.solve(current.terms, current.calibration, steps=1, leftover=True)
+        reference = float(held_out(plain, partitions).sum())
+    problem.reuse = True
+    for candidate in candidates:
+        solved = problem.solve([*current.terms, candidate.term], current.calibration, steps=6, leftover=instrument)
+        gain = reference - float(held_out(solved, partitions).sum())
+        results.append((solved.terms[-1], gain, solved))
+    problem.reuse = False
+    return sorted(results, key=lambda r: -r[1])
+
+
+def _refined(problem: VoltageProblem, current: Solved, partitions: Sequence[Sequence[int]]) -> Solved:
+    """Free what selection held: the shape of a hysteresis loop."""
+    terms = []
+    for term in current.terms:
+        if isinstance(term.effect, PiezoHysteresis) and term.free == ("width",):
+            terms.append(Term(term.effect.changed({"spread": 0.1}), ("width", "spread")))
+        else:
+            terms.append(term)
+    if all(a is b for a, b in zip(terms, current.terms, strict=True)):
+        return current
+    freed = problem.solve(terms, current.calibration)
+    better = float(held_out(current, partitions).sum()) - float(held_out(freed, partitions).sum())
+    return freed if better > SIGNIFICANT else current
+
+
+def _backward(
+    problem: VoltageProblem,
+    current: Solved,
+    fixed: int,
+    partitions: Sequence[Sequence[int]],
+    stand: dict[str, tuple[tuple[str, float], ...]],
+) -> tuple[tuple[Chosen, ...], Solved]:
+    """Drop terms the others have made superfluous; what each of the rest is worth."""
+    frames = _residual_count(problem)
+    while True:
+        instrument = any(t.effect.stage == "acquisition" for t in current.terms)
+        if instrument:
+            current = problem.solve(current.terms, current.calibration, steps=2, leftover=True)
+        score = float(held_out(current, partitions).sum())
+        chosen, dropped = [], None
+        for k in range(fixed, len(current.terms)):
+            rest = [t for i, t in enumerate(current.terms) if i != k]
+            without = problem.solve(rest, current.calibration, steps=5, leftover=instrument)
+            loss = float(held_out(without, partitions).sum()) - score
+            if loss < max(SIGNIFICANT, MATERIAL_COST(frames, score)) and (dropped is None or loss < dropped[0]):
+                dropped = (loss, without)
+            term = current.terms[k]
+            alone = float(np.sqrt(1 + 2 * max(loss, 0.0) / frames))
+            chosen.append(Chosen(term, loss, alone, stand.get(_key(term), ())))
+        if dropped is None:
+            return tuple(chosen), current
+        current = dropped[1]
+
+
+__all__ = ["Chosen", "Selection", "replace", "select"]
