@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -31,9 +32,16 @@ def given_models(names: Sequence[str], tracking: TrackingSettings) -> list[Recon
 
 
 def finished_models(folder: Path, recording: Path) -> list[Reconstruction]:
-    """Models of all jobs below ``folder`` that learned from ``recording``; ``UserError`` where there is none."""
-    done = sorted(path.parent for path in folder.glob("*/done.json"))
-    models = [Reconstruction.load(job / "model.pt") for job in done]
+    """Models of all jobs below ``folder`` that learned from ``recording``; ``UserError`` where there is none.
+
+    A model that can't be loaded, as one of an earlier version, is said on the error stream and left out.
+    """
+    models = []
+    for done in sorted(folder.glob("*/done.json")):
+        try:
+            models.append(Reconstruction.load(done.parent / "model.pt"))
+        except UserError as error:
+            print(f"left out: {error}", file=sys.stderr, flush=True)
     own = [model for model in models if _same(model.about["config"].get("recording"), recording)]
     if not own:
         raise UserError(

@@ -130,6 +130,9 @@ def _unpacked(packed: dict[str, Any], path: Path) -> Network:
         kind = getattr(importlib.import_module(module), name, None)
     if not (isinstance(kind, type) and issubclass(kind, Network)):
         raise UserError(f"{path} names the network '{packed['target']}', which ertskin doesn't have")
-    network = kind(**packed["arguments"])
-    network.load_state_dict(packed["state"])
+    try:
+        network = kind(**packed["arguments"])
+        network.load_state_dict(packed["state"])
+    except (TypeError, RuntimeError) as error:
+        raise UserError(f"{path} holds a {name} of another version of ertskin: train it again") from error
     return network.eval()
