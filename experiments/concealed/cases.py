@@ -10,7 +10,7 @@ from hardware.virtual.bench import EFFECTS, Noise
 
 LISTED = tuple(name for name, effect in EFFECTS.items() if effect.listed)
 UNLISTED = tuple(name for name, effect in EFFECTS.items() if not effect.listed)
-RATIOS = (1.05, 1.1, 1.5, 2.5)
+RATIOS = (1.01, 1.1, 1.5, 2.5)
 TWINS = (
     ("piezo_creep", "temperature_drift"),
     ("piezo_hysteresis", "viscoelastic_foam"),
