@@ -146,14 +146,19 @@ class SheetModel:
             raise ValueError(f"the base's conductivity has shape {base.conductivity_s.shape}, not {conductivity.shape}")
         changed = (conductivity != base.conductivity_s).reshape(len(conductivity), -1)
         elements = np.flatnonzero(changed.any(axis=1))
-        return self._solve_part(elements, conductivity, base)
+        return self.solve_part(elements, conductivity[elements], base)
 
-    def _solve_part(self, elements: Indices, conductivity: Array, base: Solution) -> Solution:
+    def solve_part(self, elements: Indices, conductivity_s: Array, base: Solution) -> Solution:
+        """``solve_again`` where it is known that only ``elements`` (n,), each named once, have another conductivity.
+
+        ``conductivity_s`` (n,Q) or (n,Q,3) in siemens, there alone.
+        """
+        base = base if base.origin is None else base.origin
         dirty = self.fronts.affected(self._matrices.entry[elements].ravel())
         value = self.fronts.entries_of(dirty, base.entries)
-        self._matrices.add(value, elements, conductivity[elements] - base.conductivity_s[elements])
+        self._matrices.add(value, elements, conductivity_s - base.conductivity_s[elements])
         factor = self.fronts.refactor(value, dirty, base.factor)
-        return Solution(self, conductivity, base.contact_resistance_ohm, value, factor, base)
+        return Solution(self, conductivity_s, base.contact_resistance_ohm, value, factor, base, elements)
 
     def _checked(self, conductivity_s: Array) -> Array:
         conductivity = np.asarray(conductivity_s, dtype=float)
@@ -183,21 +188,36 @@ class SheetModel:
 class Solution:
     """Fields and transfer matrix of one conductivity; derivatives by the adjoint, dT_ij = -int ds grad u_i . grad u_j.
 
-    ``entries``: the matrix's entries; ``factor``: what was eliminated; ``origin``: the solution this one was solved
-    again from, whose fronts and entries hold where nothing changed.
+    ``entries``: the matrix's entries; ``factor``: what was eliminated. A solution in part has an ``origin``, whose
+    conductivity, entries and fronts hold where nothing changed; ``given_s`` is then the conductivity of ``elements``.
     """
 
     model: SheetModel
-    conductivity_s: Array
+    given_s: Array
     contact_resistance_ohm: Array
     entries: Array
     factor: FrontalFactor
     origin: Solution | None = None
+    elements: Indices | None = None
+
+    @cached_property
+    def conductivity_s(self) -> Array:
+        """(E,Q) or (E,Q,3) conductivity everywhere, in siemens."""
+        if self.origin is None:
+            return self.given_s
+        conductivity = self.origin.conductivity_s.copy()
+        conductivity[self.elements] = self.given_s
+        return conductivity
 
     @cached_property
     def transfer_ohm(self) -> Array:
         """(L,L) mean-free potentials of the electrodes in volt per ampere into each."""
-        return _transfer(np.diag(1.0 / self.contact_resistance_ohm) + self.factor.remainder)
+        return transfer_of(self.conductance_s)
+
+    @cached_property
+    def conductance_s(self) -> Array:
+        """(L,L) current out of each electrode per volt on each, in siemens."""
+        return np.diag(1.0 / self.contact_resistance_ohm) + self.factor.remainder
 
     @cached_property
     def potential(self) -> Array:
@@ -266,15 +286,15 @@ class Solution:
         return pair_resistances(self.transfer_ohm @ per_ohm @ self.transfer_ohm).T
 
 
-def _transfer(conductance: Array) -> Array:
-    """Inverse of the (L,L) conductance between electrodes on mean-free currents."""
-    count = len(conductance)
-    conductance = 0.5 * (conductance + conductance.T)
-    constant = np.full((count, count), np.trace(conductance) / count**2)
-    transfer = np.linalg.inv(conductance + constant)
-    transfer -= transfer.mean(axis=0)
-    transfer -= transfer.mean(axis=1, keepdims=True)
-    return 0.5 * (transfer + transfer.T)
+def transfer_of(conductance_s: Array) -> Array:
+    """Inverse (..., L, L) of conductances between electrodes on mean-free currents."""
+    count = conductance_s.shape[-1]
+    symmetric = 0.5 * (conductance_s + np.swapaxes(conductance_s, -1, -2))
+    constant = np.trace(symmetric, axis1=-2, axis2=-1)[..., None, None] / count**2
+    transfer = np.linalg.inv(symmetric + constant)
+    transfer -= transfer.mean(axis=-2, keepdims=True)
+    transfer -= transfer.mean(axis=-1, keepdims=True)
+    return 0.5 * (transfer + np.swapaxes(transfer, -1, -2))
 
 
 def _code(a: Indices, b: Indices, nodes: int) -> Indices:

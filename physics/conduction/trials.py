@@ -1,0 +1,156 @@
+"""Thousands of presses at a few places: fine where it matters, coarse where that is enough.
+
+What one contact does to the pair resistances is a smooth function of its force; it is solved on the fine mesh, at a few
+forces for every place, and interpolated. What several contacts do together beyond the sum of what each does alone is
+small and smooth, and is taken from a coarser mesh, the coarser the farther they are apart:
+
+    r(all) = r_coarse(all) + [r0 - r0_coarse] + sum_c [dr(c, f_c) - dr_coarse(c, f_c)].
+
+One contact alone needs no solve at all. Against the fine mesh itself, on the paper's sheet and pad with random pairs up
+to 10 N and 2 mV of noise at 0.1 mA: 0.05 of the noise rms in the 276 numbers, 0.2 for neighbours 20 mm apart at 10 N
+each, 0.005 for single contacts; a fifth of that in the readings.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import BSpline, make_interp_spline
+
+from physics.conduction.mesh import Grading
+from physics.conduction.pressed_sheet import PiezoLaw, PressedSheet, UnitPressure, in_chunks
+from physics.conduction.sheet import Resolution, SheetModel
+from physics.sensor import Sensor
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+FAR = Resolution(1, Grading(cell_m=3e-3, rim_m=1e-3, growth=4.0, spread=0.7))
+"""For what contacts far apart do together."""
+
+
+@dataclass(frozen=True, eq=False)
+class Level:
+    """A coarse sheet for contacts at least ``apart_m`` from one another."""
+
+    apart_m: float
+    sheet: PressedSheet
+
+
+class TrialSolver:
+    """Pair resistances of any number of contacts at prepared ``places_m`` (C,2) with forces up to ``max_force_n``.
+
+    ``fine`` decides the accuracy; ``levels`` from the nearest to the farthest, the first for contacts at any distance.
+    ``forces``: forces solved for each place.
+    """
+
+    def __init__(
+        self,
+        fine: PressedSheet,
+        levels: Sequence[Level],
+        places_m: Array,
+        max_force_n: float,
+        forces: int = 16,
+        workers: int = 1,
+    ) -> None:
+        if levels[0].apart_m > 0:
+            raise ValueError("the first level must serve contacts at any distance")
+        self.levels = list(levels)
+        self.places_m = np.asarray(places_m, dtype=float)
+        self.max_force_n = max_force_n
+        self._force_n = max_force_n * (np.arange(1, forces + 1) / forces) ** 1.5
+        self._rest = fine.rest.pair_resistance_ohm
+        self._alone = self._responses(fine, workers)
+        for level in levels:
+            level.sheet.remember(self.places_m)
+        self._correction = [self._corrections(level.sheet, workers) for level in levels]
+
+    @classmethod
+    def of(
+        cls,
+        sensor: Sensor,
+        pressure: UnitPressure,
+        law: PiezoLaw,
+        contact_resistance_ohm: Array,
+        places_m: Array,
+        max_force_n: float,
+        workers: int = 1,
+    ) -> TrialSolver:
+        """A fine mesh, and two coarse ones for contacts nearer and farther than 50 mm from one another."""
+
+        def pressed(resolution: str | Resolution, tail: float) -> PressedSheet:
+            return PressedSheet(SheetModel(sensor, resolution), pressure, law, contact_resistance_ohm, tail)
+
+        levels = [Level(0.0, pressed("fast", 2e-4)), Level(0.05, pressed(FAR, 2e-4))]
+        return cls(pressed("fine", 0.0), levels, places_m, max_force_n, workers=workers)
+
+    def pair_resistances(self, contact_m: Array, force_n: Array, workers: int = 1) -> Array:
+        """(N,pairs) ohm under contacts (N,P,2) with forces (N,P) in newton; NaN for an absent contact.
+
+        The same whatever the number of workers (threads). Raises ``ValueError`` for a place that wasn't prepared or a
+        force beyond ``max_force_n``.
+        """
+        place = self._placed(contact_m, force_n)
+        force = np.where(place >= 0, force_n, 0.0)
+        level = self._level(contact_m, place)
+        total = self._rest + self._interpolated(self._alone, place, force)
+        for number, coarse in enumerate(self.levels):
+            rows = np.flatnonzero(level == number)
+
+            def together(part: slice, rows: Indices = rows, sheet: PressedSheet = coarse.sheet) -> Array:
+                return sheet.pair_resistances(contact_m[rows[part]], force_n[rows[part]])
+
+            if len(rows):
+                solved = np.concatenate(in_chunks(together, len(rows), workers))
+                correction = self._interpolated(self._correction[number], place[rows], force[rows])
+                total[rows] = solved + correction + (self._rest - coarse.sheet.rest.pair_resistance_ohm)
+        return total
+
+    def _responses(self, sheet: PressedSheet, workers: int) -> list[BSpline]:
+        """For each place, the change of the pair resistances against force."""
+        contact = np.repeat(self.places_m, len(self._force_n), axis=0)[:, None]
+        force = np.tile(self._force_n, len(self.places_m))[:, None]
+        change = sheet.pair_resistances(contact, force, workers) - sheet.rest.pair_resistance_ohm
+        nodes = np.concatenate([[0.0], self._force_n])
+        each = change.reshape(len(self.places_m), len(self._force_n), -1)
+        return [make_interp_spline(nodes, np.concatenate([np.zeros((1, each.shape[2])), one]), k=3) for one in each]
+
+    def _corrections(self, sheet: PressedSheet, workers: int) -> list[BSpline]:
+        """What the fine mesh adds to the coarse one's response to each contact alone."""
+        coarse = self._responses(sheet, workers)
+        return [BSpline(f.t, f.c - c.c, f.k) for f, c in zip(self._alone, coarse, strict=True)]
+
+    def _placed(self, contact_m: Array, force_n: Array) -> Indices:
+        """(N,P) number of each contact's place, -1 for an absent one."""
+        present = np.isfinite(contact_m).all(axis=2) & (np.nan_to_num(force_n) > 0)
+        if (force_n[present] > self.max_force_n * (1 + 1e-9)).any():
+            raise ValueError(f"a force of {force_n[present].max()} N is beyond the {self.max_force_n} N prepared")
+        distance = ((np.nan_to_num(contact_m)[:, :, None] - self.places_m) ** 2).sum(axis=3)
+        if (distance.min(axis=2)[present] > 1e-18).any():
+            raise ValueError("a contact lies at a place that wasn't prepared")
+        return np.where(present, distance.argmin(axis=2), -1)
+
+    def _level(self, contact_m: Array, place: Indices) -> Indices:
+        """(N,) level for each trial, -1 where one contact or none is present."""
+        apart = np.full(len(place), np.inf)
+        for i in range(place.shape[1]):
+            for j in range(i):
+                both = (place[:, i] >= 0) & (place[:, j] >= 0)
+                gap = np.hypot(*(contact_m[both, i] - contact_m[both, j]).T)
+                apart[both] = np.minimum(apart[both], gap)
+        floor = np.array([level.apart_m for level in self.levels])
+        number = np.searchsorted(floor, apart, side="right") - 1
+        return np.where((place >= 0).sum(axis=1) > 1, number, -1)
+
+    def _interpolated(self, table: list[BSpline], place: Indices, force_n: Array) -> Array:
+        """(N,pairs) sum over the contacts of their interpolated responses."""
+        total = np.zeros((len(place), table[0].c.shape[1]))
+        for column in range(place.shape[1]):
+            for number, response in enumerate(table):
+                rows = np.flatnonzero(place[:, column] == number)
+                if len(rows):
+                    total[rows] += response(force_n[rows, column])
+        return total

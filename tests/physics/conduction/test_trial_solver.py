@@ -1,0 +1,110 @@
+"""Presses solved in part, and trials put together from single contacts and a coarser mesh."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from sheets import small_sheet
+
+from physics.conduction.mesh import Grading
+from physics.conduction.pressed_sheet import PressedSheet
+from physics.conduction.sheet import Resolution, SheetModel
+from physics.conduction.trials import Level, TrialSolver
+from physics.protocol import Protocol, electrode_pairs
+
+NOISE_V = 2e-3
+PROTOCOL = Protocol.against_sink(electrode_pairs(5), 5, 1e-3)
+CONTACT = np.array([20.0, 50.0, 120.0, 300.0, 75.0])
+PLACES = np.array([[0.0085, 0.010], [0.0205, 0.010], [0.014, 0.0155], [0.015, 0.004]])
+COARSE = Resolution(2, Grading(cell_m=2e-3, rim_m=8e-4, growth=4.0))
+FINE = Resolution(3, Grading(cell_m=1.5e-3, rim_m=4e-4, growth=4.0))
+
+
+@dataclass(frozen=True)
+class Bump:
+    """A bell of pressure 2 mm wide."""
+
+    width_m: float = 2e-3
+
+    def at(self, offset_m: np.ndarray) -> np.ndarray:
+        return 2e4 * np.exp(-(offset_m**2).sum(axis=-1) / (2 * self.width_m**2))
+
+    def radius_m(self, fraction: float) -> float:
+        return self.width_m * np.sqrt(-2 * np.log(fraction))
+
+
+class Saturating:
+    """A sheet resistance that falls to a quarter and stays."""
+
+    def sheet_resistance_ohm_sq(self, pressure_pa: np.ndarray) -> np.ndarray:
+        return 1_000.0 * (1 - 0.75 * np.clip(pressure_pa / 6e4, 0, 1))
+
+
+def pressed(resolution: Resolution, tail: float) -> PressedSheet:
+    return PressedSheet(SheetModel(small_sheet(), resolution), Bump(), Saturating(), CONTACT, tail)
+
+
+@pytest.fixture(scope="module")
+def fine() -> PressedSheet:
+    return pressed(FINE, 0.0)
+
+
+@pytest.fixture(scope="module")
+def solver(fine: PressedSheet) -> TrialSolver:
+    levels = [Level(0.0, pressed(COARSE, 1e-4)), Level(0.011, pressed(Resolution(1, COARSE.grading), 1e-4))]
+    return TrialSolver(fine, levels, PLACES, 10.0)
+
+
+def random_presses(count: int, contacts: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
+    rng = np.random.default_rng(seed)
+    chosen = np.array([rng.choice(len(PLACES), contacts, replace=False) for _ in range(count)])
+    return PLACES[chosen], rng.uniform(0.0, 10.0, (count, contacts))
+
+
+def error_v(got: np.ndarray, expected: np.ndarray) -> np.ndarray:
+    return np.sqrt((PROTOCOL.whitened(got - expected) ** 2).mean(axis=1))
+
+
+def test_a_press_solved_in_part_is_the_press(fine: PressedSheet) -> None:
+    contact, force = random_presses(5, 2, 0)
+    part = pressed(FINE, 1e-9)
+    assert part.solve(contact[0], force[0]).origin is part.rest
+    expected = fine.pair_resistances(contact, force)
+    np.testing.assert_allclose(part.pair_resistances(contact, force), expected, rtol=1e-8)
+
+
+@pytest.mark.parametrize(("contacts", "share"), [(1, 0.02), (2, 0.1), (3, 0.2)])
+def test_trials_agree_with_the_fine_mesh(fine: PressedSheet, solver: TrialSolver, contacts: int, share: float) -> None:
+    contact, force = random_presses(30, contacts, contacts)
+    error = error_v(solver.pair_resistances(contact, force), fine.pair_resistances(contact, force))
+    assert np.sqrt((error**2).mean()) < share * NOISE_V
+    signal = error_v(fine.pair_resistances(contact, force), fine.rest.pair_resistance_ohm)
+    assert signal.mean() > 10 * NOISE_V
+
+
+def test_the_same_whatever_the_workers(solver: TrialSolver) -> None:
+    contact, force = random_presses(150, 2, 9)
+    once = solver.pair_resistances(contact, force)
+    np.testing.assert_array_equal(solver.pair_resistances(contact, force, workers=2), once)
+    np.testing.assert_array_equal(solver.pair_resistances(contact[70:], force[70:]), once[70:])
+
+
+def test_absent_contacts(solver: TrialSolver) -> None:
+    contact, force = random_presses(4, 2, 1)
+    force[:2, 1] = np.nan
+    contact[:2, 1] = np.nan
+    force[1] = np.nan
+    got = solver.pair_resistances(contact, force)
+    np.testing.assert_array_equal(got[0], solver.pair_resistances(contact[:1, :1], force[:1, :1])[0])
+    np.testing.assert_allclose(got[1], solver.pair_resistances(contact[:1, :1], np.zeros((1, 1)))[0], rtol=1e-14)
+    assert solver.pair_resistances(contact[:0], force[:0]).shape == (0, 10)
+
+
+def test_what_was_not_prepared_is_refused(solver: TrialSolver) -> None:
+    contact, force = random_presses(2, 2, 1)
+    with pytest.raises(ValueError, match="place"):
+        solver.pair_resistances(contact + 1e-3, force)
+    with pytest.raises(ValueError, match="beyond"):
+        solver.pair_resistances(contact, force + 10.0)
