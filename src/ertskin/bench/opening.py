@@ -41,16 +41,19 @@ def described(config: Mapping[str, Any]) -> tuple[Sensor, Protocol]:
 
 
 @contextmanager
-def opened(fields: Mapping[str, Any], sensor: Sensor, protocol: Protocol, start_s: float = 0.0) -> Iterator[OpenBench]:
+def opened(
+    fields: Mapping[str, Any], sensor: Sensor, protocol: Protocol, start_s: float = 0.0, real_time: bool = False
+) -> Iterator[OpenBench]:
     """The bench of a configuration's ``rig``, closed again at the end.
 
-    ``start_s``: where a virtual bench's clock begins, for a recording gone on with. Raises ``UserError`` for a
+    ``start_s``: where a virtual bench's clock begins, for a recording gone on with; in ``real_time`` it keeps to the
+    machine's instead of jumping over every wait. Raises ``UserError`` for a
     description that makes no sense, ``LostContact`` where a port can't be opened.
     """
     specimen = Path(fields["specimen"]) if fields.get("specimen") else None
     try:
         if fields.get("virtual"):
-            with _virtual(fields, sensor, protocol, start_s) as bench:
+            with _virtual(fields, sensor, protocol, start_s, real_time) as bench:
                 yield bench
             return
         rig = open_rig(fields, sensor, protocol)
@@ -63,11 +66,14 @@ def opened(fields: Mapping[str, Any], sensor: Sensor, protocol: Protocol, start_
 
 
 @contextmanager
-def _virtual(fields: Mapping[str, Any], sensor: Sensor, protocol: Protocol, start_s: float) -> Iterator[OpenBench]:
+def _virtual(
+    fields: Mapping[str, Any], sensor: Sensor, protocol: Protocol, start_s: float, real_time: bool
+) -> Iterator[OpenBench]:
     from hardware.virtual.bench.bench import Bench
     from hardware.virtual.bench.live import LiveSkin
     from hardware.virtual.bench.truth import Noise, draw_truth
     from hardware.virtual.rig import virtual_bench
+    from hardware.virtual.serving import Server
 
     hidden = {name: float(strength) for name, strength in (fields.get("effects") or {}).items()}
     try:
@@ -83,10 +89,14 @@ def _virtual(fields: Mapping[str, Any], sensor: Sensor, protocol: Protocol, star
         limits=fields.get("limits"),
         seed=truth.seed,
         start_s=start_s,
+        real_time=real_time,
     )
+    server = Server([bench.stage, bench.load_cell, bench.reader]) if real_time else None
     rig = bench.open()
     try:
         yield OpenBench(rig, Bench(truth, sensor, protocol).specimen(), truth)
     finally:
         rig.close()
+        if server is not None:
+            server.close()
         bench.close()

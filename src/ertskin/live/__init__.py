@@ -1,0 +1,1 @@
+"""The skin read as it is touched: network without torch, baseline, page, stream."""

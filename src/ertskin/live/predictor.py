@@ -1,0 +1,73 @@
+"""The network at work on live scans, from an ONNX file and without torch."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ertskin.errors import UserError
+from ertskin.models.estimate import Estimate
+from ertskin.models.votes import counted, on_taxels
+
+Array = NDArray[np.float64]
+ABOUT = "ertskin"
+
+
+@dataclass(frozen=True)
+class Kind:
+    """What the numbers of a model mean: as exported beside its graph."""
+
+    places: bool
+    shape: tuple[int, int]
+    taxel_m: Array
+    threshold: float
+    spacing_m: float
+
+
+class Predictor:
+    """Touches from changes of raw readings, one thread, no torch."""
+
+    def __init__(self, path: Path) -> None:
+        """Raises ``UserError`` for a file that is no exported reconstruction."""
+        import onnxruntime
+
+        if not path.is_file():
+            raise UserError(f"no model at {path}")
+        options = onnxruntime.SessionOptions()
+        options.intra_op_num_threads = options.inter_op_num_threads = 1
+        try:
+            self._session = onnxruntime.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
+            about = json.loads(self._session.get_modelmeta().custom_metadata_map[ABOUT])
+            self.kind = _kind(about)
+        except Exception as error:
+            # onnxruntime raises classes of its own for each way a file can be bad.
+            raise UserError(f"{path} is no exported model: {str(error).splitlines()[0]}") from None
+
+    def estimate(self, change_v: NDArray[np.floating]) -> Estimate:
+        """Touches of (N,K,M) or (N,R) changes of the raw readings against rest, in volt."""
+        flat = np.ascontiguousarray(change_v, dtype=np.float32).reshape(len(change_v), -1)
+        answers: list[Any] = self._session.run(None, {"change_v": flat})
+        probability, force = (answer.astype(float) for answer in answers[:2])
+        if self.kind.places:
+            votes = zip(probability, force, answers[2].astype(float), strict=True)
+            radius = 0.5 * self.kind.spacing_m
+            found = [counted(*vote, radius_m=radius, threshold=self.kind.threshold) for vote in votes]
+            return on_taxels(found, self.kind.taxel_m)
+        present = probability > self.kind.threshold
+        return Estimate(present * force, present)
+
+
+def _kind(about: dict[str, Any]) -> Kind:
+    injections, readings = about["shape"]
+    return Kind(
+        about["kind"] == "places",
+        (int(injections), int(readings)),
+        np.array(about["taxel_m"], dtype=float).reshape(-1, 2),
+        float(about["threshold"]),
+        float(about["spacing_m"] or 0.0),
+    )

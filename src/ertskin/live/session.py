@@ -1,0 +1,138 @@
+"""From scans to what is shown: zeroing, the network, contacts, drift, and how fast it all is."""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ertskin.live.predictor import Predictor
+from ertskin.models.estimate import Estimate
+from hardware.instrument import Scan
+
+Array = NDArray[np.float64]
+DRIFT_NOISES = 3.0
+"""An untouched skin whose readings are off by this many times their noise has drifted."""
+LEAST_FORCE_N = 0.05
+
+
+@dataclass(frozen=True)
+class Contact:
+    """Where and how hard: metres on the sheet, newton."""
+
+    x_m: float
+    y_m: float
+    force_n: float
+
+
+@dataclass(frozen=True, eq=False)
+class LiveFrame:
+    """One scan's outcome. ``latency_s``: from the scan in memory to the force map; ``rate_hz``: scans a second."""
+
+    number: int
+    time_s: float
+    force_map_n: Array
+    contacts: tuple[Contact, ...]
+    latency_s: float
+    rate_hz: float
+    drift: float
+    lost: int
+    saturated: float
+    zeroing: bool
+
+    @property
+    def warnings(self) -> list[str]:
+        """What somebody looking on should know."""
+        found = []
+        if self.zeroing:
+            found.append("zeroing: do not touch")
+        if self.drift > DRIFT_NOISES:
+            found.append(f"readings have drifted by {self.drift:.1f} times their noise: zero again")
+        if self.saturated > 0:
+            found.append(f"{100 * self.saturated:.2g} % of readings saturated")
+        if self.lost:
+            found.append(f"{self.lost} scans lost")
+        return found
+
+
+class Session:
+    """Follows one skin. Begins with zeroing."""
+
+    def __init__(self, predictor: Predictor, zero_scans: int = 4) -> None:
+        """``zero_scans``: untouched scans a baseline is the mean of."""
+        self._predictor = predictor
+        self._zero_scans = zero_scans
+        self._gathered: list[Array] = []
+        self._rest_v: NDArray[np.float32] | None = None
+        self._noise_v = 0.0
+        self._number = 0
+        self._lost = 0
+        self._times: deque[float] = deque(maxlen=20)
+        self._drift: deque[float] = deque(maxlen=5)
+
+    def zero(self) -> None:
+        """Take the coming scans as untouched."""
+        self._gathered = []
+        self._rest_v = None
+        self._drift.clear()
+
+    def see(self, scan: Scan) -> LiveFrame:
+        """What a scan means."""
+        self._number += 1
+        self._lost += scan.lost
+        self._times.append(scan.time_s)
+        if self._rest_v is None:
+            self._gather(scan.voltage_v)
+            return self._frame(scan, None, 0.0)
+        begin = time.perf_counter()
+        change = scan.voltage_v - self._rest_v
+        estimate = self._predictor.estimate(change[None])
+        latency = time.perf_counter() - begin
+        if not estimate.present.any():
+            self._drift.append(self._off(change))
+        return self._frame(scan, estimate, latency)
+
+    def _gather(self, voltage_v: NDArray[np.float32]) -> None:
+        self._gathered.append(voltage_v.astype(float))
+        if len(self._gathered) == self._zero_scans:
+            stack = np.stack(self._gathered)
+            self._rest_v = stack.mean(axis=0).astype(np.float32)
+            if len(stack) > 1:
+                self._noise_v = 1.4826 * float(np.median(np.abs(np.diff(stack, axis=0)))) / np.sqrt(2.0)
+
+    def _off(self, change_v: NDArray[np.float32]) -> float:
+        """Systematic part of a change in units of the noise, robust against spikes: 0 for noise alone."""
+        if self._noise_v == 0.0:
+            return 0.0
+        expected = self._noise_v * np.sqrt(1.0 + 1.0 / self._zero_scans)
+        size = 1.4826 * float(np.median(np.abs(change_v))) / expected
+        return float(np.sqrt(max(0.0, size**2 - 1.0)))
+
+    def _frame(self, scan: Scan, estimate: Estimate | None, latency_s: float) -> LiveFrame:
+        taxels = self._predictor.kind.taxel_m
+        force = np.zeros(len(taxels)) if estimate is None else estimate.force_map_n[0]
+        contacts = () if estimate is None else contacts_of(estimate, taxels)
+        span = self._times[-1] - self._times[0]
+        rate = (len(self._times) - 1) / span if span > 0 else 0.0
+        drift = float(np.median(self._drift)) if self._drift else 0.0
+        saturated = 0.0 if scan.saturated is None else float(scan.saturated.mean())
+        return LiveFrame(
+            self._number, scan.time_s, force, contacts, latency_s, rate, drift, self._lost, saturated, estimate is None
+        )
+
+
+def contacts_of(estimate: Estimate, taxel_m: Array) -> tuple[Contact, ...]:
+    """The contacts of the first frame, strongest first; on the taxels where the network doesn't place them itself."""
+    if estimate.contact_m is not None and estimate.contact_force_n is not None:
+        places, forces = estimate.contact_m[0], estimate.contact_force_n[0]
+    else:
+        places, forces = taxel_m[estimate.present[0]], estimate.force_map_n[0][estimate.present[0]]
+    found = [
+        Contact(float(x), float(y), float(force))
+        for (x, y), force in zip(places, forces, strict=True)
+        if np.isfinite(force) and force > LEAST_FORCE_N
+    ]
+    return tuple(sorted(found, key=lambda contact: -contact.force_n))
