@@ -25,6 +25,10 @@ if TYPE_CHECKING:
     from ertskin.models.reconstruction import Reconstruction
 
 
+MOST_HELD_OUT = 2000
+"""Rows a threshold is tuned on."""
+
+
 @dataclass(frozen=True, eq=False)
 class TestFrames:
     """N touched frames to test on; n taxels, P pairs of electrodes, R readings.
@@ -85,6 +89,7 @@ class Lesson:
         clean_v = material.trials.coordinates_v(material.protocol)
         noisy_v = clean_v + material.noise.coordinates(rng, len(clean_v))
         rows, held_out = split(len(clean_v), seed)
+        held_out = rng.permutation(held_out)[:MOST_HELD_OUT]
         maps_n = material.trials.force_map_n
         return cls(noisy_v[rows], maps_n[rows], noisy_v[held_out], maps_n[held_out])
 

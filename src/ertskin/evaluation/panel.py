@@ -41,8 +41,14 @@ def yardsticks(
     response = Response(forward, material.protocol, material.taxel_m)
     covariance_v2 = _covariance_v2(material)
 
-    def imaging(seed: int) -> GaussNewtonImaging:
-        return GaussNewtonImaging(*imaging_jacobian(rest(), material.protocol), material.taxel_m)
+    def imaging() -> MethodResult:
+        jacobian_v, pixel_m = imaging_jacobian(rest(), material.protocol)
+        return yardstick_result(
+            lambda seed: GaussNewtonImaging(jacobian_v, pixel_m, material.taxel_m),
+            lessons,
+            frames,
+            "one step, then a curve per taxel",
+        )
 
     def oracle() -> MaximumLikelihood:
         highest_n = 1.05 * material.trials.force_map_n.max()
@@ -54,7 +60,7 @@ def yardsticks(
         "kernel_ridge": lambda: yardstick_result(
             lambda seed: KernelRidge(seed=seed), lessons, frames, "Gaussian kernel, tuned on held-out forces"
         ),
-        "imaging": lambda: yardstick_result(imaging, lessons, frames, "one step, then a curve per taxel"),
+        "imaging": imaging,
         "oracle": lambda: oracle_result(oracle(), frames, "most likely contacts under the calibrated physics"),
         "bound": lambda: bound_result(response, covariance_v2, frames),
     }

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ertskin.evaluation.outcome import Outcome
 from ertskin.evaluation.predictions import as_plain
 from ertskin.evaluation.results import MethodResult, SeedResult
 from ertskin.report.figures.style import MAGNITUDE_MAP
@@ -29,9 +30,12 @@ def track(
     """Log everything; the same evaluation done again goes to the same runs."""
     client = open_store(tracking.database)
     for method in methods:
-        for result in method.runs:
+        for number, result in enumerate(method.runs):
             with _run_of(client, tracking, method, result, about) as run:
-                _log(run, result)
+                run.metrics({name: score.value for name, score in result.scores.items() if np.isfinite(score.value)})
+                run.table(as_plain(result.scores), "test.json")
+                if number == 0 and result.outcome is not None:
+                    _draw(run, result, result.outcome)
                 run.flush()
     with Run.begin(tracking, job_key({"evaluation": about}), "evaluation", reopen=True) as run:
         run.tag("ertskin.role", "evaluation")
@@ -57,12 +61,7 @@ def _run_of(
     return Run.begin(tracking, key, f"{method.name}, seed {result.seed}", {"ertskin.role": method.kind}, reopen=True)
 
 
-def _log(run: Run, result: SeedResult) -> None:
-    run.metrics({name: score.value for name, score in result.scores.items() if np.isfinite(score.value)})
-    run.table(as_plain(result.scores), "test.json")
-    outcome = result.outcome
-    if outcome is None:
-        return
+def _draw(run: Run, result: SeedResult, outcome: Outcome) -> None:
     if (hit := result.scores.get("hit_rate_one")) is not None:
         drawn = taxel_map(outcome.taxel_m, 100 * hit.per_taxel, "hit rate / %", (0.0, 100.0), MAGNITUDE_MAP, "{:.0f}")
         run.figure(drawn, "hit_rate_one.png")

@@ -9,9 +9,10 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Metric:
-    """A metric's heading, its unit, and the factor and digits it is shown with."""
+    """A metric's heading, a short one for narrow tables, its unit, and the factor and digits it is shown with."""
 
     head: str
+    short: str
     unit: str
     factor: float = 1.0
     digits: int = 2
@@ -31,10 +32,10 @@ class Metric:
 
 
 METRICS = {
-    "hit_rate_one": Metric("hit rate, one point", "%", 100.0, 1),
-    "force_rmse_one_n": Metric("force RMSE, one point", "N"),
-    "force_correlation_one": Metric("force correlation, one point", "", digits=3),
-    "exact_rate_two": Metric("exact, two points", "%", 100.0, 1),
-    "force_error_two_n": Metric("force error per contact, two points", "N"),
-    "location_error_mm": Metric("location error", "mm", digits=1),
+    "hit_rate_one": Metric("hit rate, one point", "hit 1", "%", 100.0, 1),
+    "force_rmse_one_n": Metric("force RMSE, one point", "RMSE 1", "N"),
+    "force_correlation_one": Metric("force correlation, one point", "r 1", "", digits=3),
+    "exact_rate_two": Metric("exact, two points", "exact 2", "%", 100.0, 1),
+    "force_error_two_n": Metric("force error per contact, two points", "error 2", "N"),
+    "location_error_mm": Metric("location error", "place", "mm", digits=1),
 }

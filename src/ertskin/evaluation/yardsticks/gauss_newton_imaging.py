@@ -11,7 +11,7 @@ from sklearn.isotonic import IsotonicRegression
 from ertskin.evaluation.yardsticks.held_out_regime import force_bands
 from ertskin.evaluation.yardsticks.yardstick import Array
 
-PENALTIES = tuple(10.0 ** np.arange(-8.0, 0.5, 0.5))
+PENALTIES = tuple(10.0 ** np.arange(-7.0, 1.0))
 
 
 class GaussNewtonImaging:

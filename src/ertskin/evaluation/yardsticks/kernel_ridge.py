@@ -34,8 +34,8 @@ class KernelRidge:
         widths: Sequence[float] = WIDTHS,
         powers: Sequence[float] = POWERS,
         penalties: Sequence[float] = PENALTIES,
-        rows: int = 4000,
-        tuning_rows: int = 1000,
+        rows: int = 3000,
+        tuning_rows: int = 800,
         seed: int = 0,
     ):
         self.widths, self.powers, self.penalties = widths, powers, penalties
