@@ -21,7 +21,14 @@ CAPTION = (
 def print_table(console: Console, methods: Sequence[MethodResult]) -> None:
     """A line per method, the paper's first: the mean over its seeds, with ± their standard deviation."""
     names = metric_names(methods)
-    table = Table(box=box.SIMPLE_HEAD, caption=CAPTION, caption_justify="left", pad_edge=False, padding=(0, 1, 0, 0))
+    table = Table(
+        box=box.SIMPLE_HEAD,
+        show_edge=False,
+        caption=CAPTION,
+        caption_justify="left",
+        pad_edge=False,
+        padding=(0, 1, 0, 0),
+    )
     table.add_column("method", no_wrap=True)
     for name in names:
         metric = METRICS[name]
@@ -38,4 +45,5 @@ def _cell(values: np.ndarray, metric: Metric) -> str:
     if not len(values):
         return "–"
     mean = metric.text(float(values.mean()))
-    return mean if len(values) == 1 or mean == "–" else f"{mean}±{metric.text(float(values.std(ddof=1)))}"
+    narrow = metric.digits != 2 and metric.factor == 1.0  # correlation and place: the report has their spread
+    return mean if len(values) == 1 or mean == "–" or narrow else f"{mean}±{metric.text(float(values.std(ddof=1)))}"
