@@ -101,6 +101,7 @@ class LinearSkin:
         self._rest = self._solve(self._rest_relative, skin.contact_resistance_ohm)
         self._contacts_now = self._contact_ohm(skin, force_n) / self._drift(skin)[:, None]
         self.patches = self._build(progress or (lambda share, text: None))
+        self._moments = self._at_moments(progress)
 
     # building ------------------------------------------------------------------------------------------------------
 
@@ -246,14 +247,9 @@ class LinearSkin:
 
     def skewed(self, skin: Skin, skew: ScanSkew, force_n: Array, moments: Array) -> list[Array]:
         """Whitened scans (T,P) the skin would give standing still at each of the moments (S,) of its motion."""
-        at_rest = skin.force_n(self.history)
-        depth = skew.depth_m(self.history, moments)
-        result = []
-        for s in range(len(moments)):
-            moved = skin.force_n(self.history, depth[:, s])
-            scale = np.where(at_rest > 0, moved / np.where(at_rest > 0, at_rest, 1.0), 1.0)
-            result.append(self.still_scans(skin, force_n * scale))
-        return result
+        forces = self._moved_forces(skin, skew, force_n, moments)
+        about = self._moments if self._moments else [self] * len(forces)
+        return [linear.still_scans(skin, force) for linear, force in zip(about, forces, strict=True)]
 
     @cached_property
     def skew_mixing(self) -> tuple[Array, list[Array]]:
@@ -265,6 +261,26 @@ class LinearSkin:
         readings = self.protocol.shape[1]
         mixing = [basis.T @ (np.repeat(weights[:, s], readings)[:, None] * basis) for s in range(SKEW_NODES)]
         return moments, mixing
+
+    def _at_moments(self, progress: Progress | None) -> list[LinearSkin]:
+        """Where the presses move during a scan, the skin linearised about each of the moments that scan is made of."""
+        skew = [e for e in self.skin.effects if isinstance(e, ScanSkew) and e.speed_m_per_s > 0]
+        if not skew or self.protocol.injection_offset_s is None:
+            return []
+        moments, _ = self.skew_mixing
+        still = self.skin.with_effects([e for e in self.skin.effects if not isinstance(e, ScanSkew)])
+        forces = self._moved_forces(self.skin, skew[0], self.force_n, moments)
+        return [LinearSkin(still, self.history, force, progress) for force in forces]
+
+    def _moved_forces(self, skin: Skin, skew: ScanSkew, force_n: Array, moments: Array) -> list[Array]:
+        at_rest = skin.force_n(self.history)
+        depth = skew.depth_m(self.history, moments)
+        result = []
+        for s in range(len(moments)):
+            moved = skin.force_n(self.history, depth[:, s])
+            scale = np.where(at_rest > 0, moved / np.where(at_rest > 0, at_rest, 1.0), 1.0)
+            result.append(force_n * scale)
+        return result
 
     def still_scans(self, skin: Skin, force_n: Array) -> Array:
         """(T,P) whitened scans, every scan taken in an instant."""

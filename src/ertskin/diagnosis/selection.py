@@ -22,7 +22,7 @@ MATERIAL = 1.03
 TRIED = 4
 MOST_TERMS = 5
 
-Report = Callable[[float, str], None]
+Report = Callable[[float | None, str], None]
 Problem = Callable[[Solved | None], VoltageProblem]
 
 

@@ -14,13 +14,15 @@ from ertskin.diagnosis.least_squares import Fit, Quadratic, descend
 from ertskin.diagnosis.linear_skin import LinearSkin
 from ertskin.diagnosis.skin_family import Calibration, SkinFamily
 from ertskin.diagnosis.specimen_signal import SpecimenSignal
-from physics.effects.effect import Effect
+from physics.effects.effect import Effect, Stage
 from physics.skin import Skin
 
 Array = NDArray[np.float64]
 
 RATIO_PRIOR = 1.0
 SHAPE_PRIOR = 0.3
+LEFTOVER_FRAMES = 80
+"""Frames whose non-reciprocal part is fitted; it counts as that of all."""
 
 
 @dataclass(frozen=True)
@@ -87,7 +89,7 @@ class VoltageProblem:
 
     def __post_init__(self) -> None:
         moving = np.flatnonzero(self.weight > 0)
-        chosen = moving[np.linspace(0, len(moving) - 1, min(len(moving), 240)).astype(int)] if len(moving) else moving
+        chosen = moving[np.linspace(0, len(moving) - 1, min(len(moving), LEFTOVER_FRAMES)).astype(int)] if len(moving) else moving
         self.acquisition = AcquisitionSignal(self.evidence, self.linear, np.unique(chosen))
         self.leftover_share = len(moving) / max(1, len(self.acquisition.rows))
         self.cell_count = int(self.cells.max()) + 1
@@ -114,10 +116,11 @@ class VoltageProblem:
             result[t] -= u @ (shrink[:, None] * (u.T @ flat[t]))
         return result.reshape(rows.shape)
 
-    def _blocks(self, skin: Skin) -> tuple[Array, Array, Array | None]:
+    def _blocks(self, skin: Skin, with_leftover: bool = True) -> tuple[Array, Array, Array | None]:
         scan = self.scan_residual(skin)
         specimen = self.specimen.residual(skin) if self.specimen is not None else np.zeros(0)
-        leftover = self.acquisition.residual(skin) if acquires(skin.effects) or self._always_leftover else None
+        wanted = with_leftover and (acquires(skin.effects) or self._always_leftover)
+        leftover = self.acquisition.residual(skin) if wanted else None
         return scan, specimen, leftover
 
     _always_leftover: bool = False
@@ -164,7 +167,7 @@ class VoltageProblem:
         count = len(x)
         columns = np.zeros((*scan.shape, count), dtype=np.float32)
         specimen_columns = np.zeros((len(specimen), count))
-        leftover_columns = np.zeros((0, count)) if leftover is None else np.zeros((leftover.size, count), np.float32)
+        leftover_columns = np.zeros((0 if leftover is None else leftover.size, count - layout.calibration))
         electrodes = self.evidence.protocol.electrodes
         contact = self.contact_columns(skin)
         columns[..., 1 : 1 + electrodes] = self.discounted(contact)
@@ -176,11 +179,12 @@ class VoltageProblem:
             step = layout.step(k, x)
             moved = x.copy()
             moved[k] += step
-            there = self._blocks(self._skin(layout, moved))
+            instrument = leftover is not None and layout.is_instrument(k)
+            there = self._blocks(self._skin(layout, moved), instrument)
             columns[..., k] = (scan - there[0]) / step
             specimen_columns[:, k] = (specimen - there[1]) / step
-            if leftover is not None and there[2] is not None and k >= layout.calibration:
-                leftover_columns[:, k] = ((leftover - there[2]) / step).ravel()
+            if leftover is not None and there[2] is not None:
+                leftover_columns[:, k - layout.calibration] = ((leftover - there[2]) / step).ravel()
         self.last_columns = columns, specimen_columns
         return self._quadratic(scan, columns, specimen, specimen_columns, leftover, leftover_columns)
 
@@ -217,14 +221,16 @@ class VoltageProblem:
                 add(cell, scan[mine].ravel(), columns[mine].reshape(-1, count).astype(float), 1.0)
         add(self.cell_count, specimen, specimen_columns, 1.0)
         if leftover is not None:
-            size = leftover.shape[1]
-            design = leftover_columns.reshape(len(leftover), size, count)
+            first = count - leftover_columns.shape[1]
+            design = leftover_columns.reshape(*leftover.shape, count - first)
             for cell in range(self.cell_count):
                 mine = self.cells[self.acquisition.rows] == cell
                 if mine.any():
-                    add(
-                        cell, leftover[mine].ravel(), design[mine].reshape(-1, count).astype(float), self.leftover_share
-                    )
+                    wrong = leftover[mine].ravel()
+                    columns_here = design[mine].reshape(len(wrong), count - first)
+                    cost[cell] += 0.5 * self.leftover_share * float(wrong @ wrong)
+                    gradient[cell, first:] += self.leftover_share * (columns_here.T @ wrong)
+                    hessian[cell, first:, first:] += self.leftover_share * (columns_here.T @ columns_here)
         return Quadratic(cost, gradient, hessian)
 
     def contact_columns(self, skin: Skin) -> Array:
@@ -258,6 +264,10 @@ class _Layout:
                 return term, term.free[k]
             k -= len(term.free)
         raise IndexError(index)
+
+    def is_instrument(self, index: int) -> bool:
+        """Whether the number belongs to an effect of the acquisition."""
+        return index >= self.calibration and self._free(index)[0].effect.stage == Stage.ACQUISITION
 
     def step(self, index: int, x: Array) -> float:
         """Finite-difference step, away from the upper bound."""

@@ -1,0 +1,27 @@
+"""Which diagnosis fits a recording: a whole skin, a foam coupon alone, a tank without mechanics, or none."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from ertskin.diagnosis.claims import Diagnosis, HeldOut
+from ertskin.diagnosis.diagnose import Findings, diagnose
+from hardware.recording import Recording
+
+Report = Callable[[float | None, str], None]
+
+
+def diagnose_any(recording: Recording, name: str, report: Report, resolution: str = "fine") -> Findings:
+    """Diagnose whatever the recording holds."""
+    if recording.frames is None and recording.coupon is not None:
+        from ertskin.diagnosis.coupon import diagnose_coupon
+
+        return diagnose_coupon(recording.coupon, name)
+    if recording.frames is not None and recording.sensor is not None and recording.specimen is None:
+        from ertskin.diagnosis.tank import diagnose_tank
+
+        return diagnose_tank(recording, name)
+    if recording.frames is None:
+        held = HeldOut("none", None, None, None, None)
+        return Findings(Diagnosis(name, "cannot_tell", held, reason="the recording holds neither frames nor a coupon"))
+    return diagnose(recording, name, report, resolution)

@@ -1,0 +1,327 @@
+"""Where, what, how sure: the whole diagnosis of one recording."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import chi2
+
+from ertskin.diagnosis.baseline import FORCE_MATERIAL, Baseline, calibrated
+from ertskin.diagnosis.claims import (
+    MATERIAL_RATIO,
+    QUANTILE,
+    Claim,
+    Diagnosis,
+    Estimate,
+    HeldOut,
+    confidences,
+    verdict_of,
+)
+from ertskin.diagnosis.evidence import CannotTell, Evidence, gather
+from ertskin.diagnosis.force_fit import STARTS, ForceData, ForceFit, fit_force, free_parameters
+from ertskin.diagnosis.linear_skin import LinearSkin
+from ertskin.diagnosis.residuals import AxisTest, axis_tests, depends_on
+from ertskin.diagnosis.selection import Chosen, Selection, select
+from ertskin.diagnosis.skin_family import Calibration, SkinFamily
+from ertskin.diagnosis.voltage_fit import Solved, Term, VoltageProblem
+from hardware.recording import Recording
+from physics.effects.effect import Effect, ElectrodeEffect
+from physics.effects.piezo_inhomogeneity import PiezoInhomogeneity
+from physics.effects.sheet_inhomogeneity import SheetInhomogeneity
+from physics.skin import Skin
+
+Array = NDArray[np.float64]
+Report = Callable[[float | None, str], None]
+
+FOLDS = 6
+START_RATIO = 0.5
+AXES_OF = {
+    "nonlinear_foam": ("force",),
+    "viscoelastic_foam": ("history", "time"),
+    "foam_hysteresis": ("history",),
+    "foam_softening": ("history", "place"),
+    "indenter_offset": ("place",),
+    "piezo_hysteresis": ("history", "force"),
+    "piezo_creep": ("history", "time"),
+    "piezo_inhomogeneity": ("place", "force"),
+    "sheet_anisotropy": ("place",),
+    "sheet_inhomogeneity": ("place",),
+    "temperature_drift": ("time",),
+    "contact_pressure_dependence": ("electrode", "force"),
+    "contact_drift": ("electrode", "time"),
+    "electrode_displacement": ("electrode",),
+    "channel_gain": ("electrode",),
+    "crosstalk": ("scan_order",),
+    "adc_saturation": ("electrode",),
+    "scan_skew": ("scan_order", "history"),
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Findings:
+    """Everything the report draws from: the answer, the evidence and the models before and after.
+
+    Residuals (T,P) of the held-out frames in units of the noise, for the plain simulator and with the terms named.
+    """
+
+    diagnosis: Diagnosis
+    evidence: Evidence | None = None
+    baseline: Baseline | None = None
+    selection: Selection | None = None
+    held: NDArray[np.intp] | None = None
+    residual_before: Array | None = None
+    residual_after: Array | None = None
+    tests_before: tuple[AxisTest, ...] = ()
+    tests_after: tuple[AxisTest, ...] = ()
+
+
+def diagnose(recording: Recording, name: str, report: Report, resolution: str = "fine") -> Findings:
+    """Diagnose a skin's recording; what it can't say ends in a ``cannot_tell`` with the reason."""
+    try:
+        return _diagnose(recording, name, report, resolution)
+    except CannotTell as reason:
+        held = HeldOut("none", None, None, None, None)
+        return Findings(Diagnosis(name, "cannot_tell", held, reason=str(reason)))
+
+
+def _diagnose(recording: Recording, name: str, report: Report, resolution: str) -> Findings:
+    report(0.01, "reading the evidence")
+    evidence = gather(recording)
+    report(0.04, "calibrating at rest, fitting force and depth")
+    baseline = calibrated(recording, evidence, resolution)
+    usable = np.isfinite(evidence.scan_v).all(axis=1) & _placed(evidence)
+    fitted, held = _split(evidence, usable)
+    train, force = _frames(evidence, fitted), baseline.force_n[fitted]
+    number = np.unique(train.history.press, return_inverse=True)[1]
+    cells = (number % FOLDS).astype(np.intp)
+    family = SkinFamily(baseline.skin)
+
+    def build(solved: Solved | None) -> VoltageProblem:
+        skin = family.skin(start, baseline.skin.effects) if solved is None else family.skin(solved.calibration, solved.effects)
+        skin = _remeshed(skin, resolution)
+        linear = LinearSkin(skin, train.history, force, lambda share, text: report(None, text))
+        return VoltageProblem(train, family, linear, baseline.specimen, cells, np.ones(len(train.history)))
+
+    start = Calibration(
+        baseline.skin.piezo.zero_ohm_sq, baseline.skin.contact_resistance_ohm, START_RATIO, np.zeros(5)
+    )
+    fixed = [Term(effect, ()) for effect in baseline.skin.effects]
+    partitions = [[int(k)] for k in np.unique(cells)]
+    selection = select(build, fixed, start, partitions, report)
+    report(0.85, "predicting presses no fit has seen")
+    before, after = _predictions(evidence, baseline, selection, family, held, resolution)
+    return _answer(name, evidence, baseline, selection, held, before, after)
+
+
+def _placed(evidence: Evidence) -> NDArray[np.bool_]:
+    """(T,) frames whose contacts are known, rest frames among them."""
+    known = np.isfinite(evidence.history.contact_m).all(axis=-1).any(axis=1)
+    return np.asarray(known | evidence.rest)
+
+
+def _frames(evidence: Evidence, rows: NDArray[np.intp]) -> Evidence:
+    return replace(
+        evidence,
+        history=evidence.history[rows],
+        scan_v=evidence.scan_v[rows],
+        leftover_v=evidence.leftover_v[rows],
+    )
+
+
+def _split(evidence: Evidence, usable: NDArray[np.bool_]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Frames fitted and frames held out: every third press, in recording order."""
+    history = evidence.history
+    touching = np.unique(history.press[history.touched.any(axis=1) & usable])
+    if len(touching) < 3:
+        raise CannotTell(f"{len(touching)} press{'es' if len(touching) != 1 else ''}: nothing is left to predict")
+    out = np.isin(history.press, touching[2::3])
+    return np.flatnonzero(usable & ~out), np.flatnonzero(usable & out)
+
+
+def _remeshed(skin: Skin, resolution: str) -> Skin:
+    """The skin on a mesh of its own where its electrodes are displaced."""
+    real = skin.sensor
+    for effect in skin.effects:
+        if isinstance(effect, ElectrodeEffect):
+            real = effect.geometry(real)
+    if np.array_equal(real.electrode_center_m, skin.sensor.electrode_center_m):
+        return skin
+    built = Skin.build(
+        skin.sensor, skin.protocol, skin.piezo, skin.contact_resistance_ohm, skin.support_n_per_m, skin.effects, resolution
+    )
+    return replace(built, pressure=skin.pressure, pad_n_per_m=skin.pad_n_per_m)
+
+
+def _predictions(
+    evidence: Evidence,
+    baseline: Baseline,
+    selection: Selection,
+    family: SkinFamily,
+    held: NDArray[np.intp],
+    resolution: str,
+) -> tuple[Array, Array]:
+    """Whitened residuals (n,P) of held-out frames, each solved exactly, without and with what was named."""
+    plain_force = baseline.force_n
+    if baseline.force_plain is not None and baseline.force_best is not None and baseline.force_best.effects:
+        plain_force = np.where(evidence.history.touched, baseline.force_plain.force_n, 0.0)
+    chosen = selection.after.effects
+    fixed = {e.name for e in baseline.drift}
+    plain_effects = [e for e in selection.before.effects if e.name in fixed]
+    before = family.skin(selection.before.calibration, plain_effects)
+    after = _remeshed(family.skin(selection.after.calibration, chosen), resolution)
+    return (
+        _residual(evidence, before, plain_force, held),
+        _residual(evidence, after, baseline.force_n, held),
+    )
+
+
+def _residual(evidence: Evidence, skin: Skin, force_n: Array, held: NDArray[np.intp]) -> Array:
+    readings = skin.readings_v(evidence.history[held], force_n[held])
+    scans = readings.reshape(len(held), -1) @ evidence.protocol.orthonormal
+    return (evidence.scan_v[held] - scans) / evidence.noise_v
+
+
+def _answer(
+    name: str,
+    evidence: Evidence,
+    baseline: Baseline,
+    selection: Selection,
+    held: NDArray[np.intp],
+    before: Array,
+    after: Array,
+) -> Findings:
+    history = evidence.history[held]
+    ratio_before, ratio_after = _ratio(before), _ratio(after)
+    claims = [_voltage_claim(selection, chosen, k) for k, chosen in enumerate(selection.chosen)]
+    force_claims, force_before, force_after = _force_claims(evidence, baseline)
+    claims = _discounted([*claims, *force_claims], ratio_before, ratio_after)
+    claims.sort(key=lambda c: -c.ratio_alone)
+    force_off = force_after is not None and force_after > FORCE_MATERIAL * baseline.force_noise_n * 1.05
+    tests_before, tests_after = axis_tests(before, history, evidence.protocol), axis_tests(after, history, evidence.protocol)
+    mismatch = bool(force_claims) or force_off or any(c.effect.stage == "acquisition" for c in claims)
+    verdict = verdict_of(ratio_before, ratio_after, bool(claims), mismatch)
+    if verdict == "explained" and force_off:
+        verdict = "partly_explained"
+    if verdict in ("unexplained", "no_mismatch"):
+        claims = []
+    gained = float((before**2).sum() - (after**2).sum())
+    freedom = max(1, sum(len(c.parameters) for c in claims))
+    p_value = float(chi2.sf(max(gained, 0.0), freedom)) if claims else _misfit_p(before)
+    lead = claims[0].effect if claims else None
+    position, radius = _place_of(claims)
+    electrodes = tuple(
+        int(getattr(c.effect, key)) for c in claims for key in ("electrode", "channel") if getattr(c.effect, key, -1) >= 0
+    )
+    axes = list(dict.fromkeys(a for c in claims for a in AXES_OF.get(c.effect.name, ())))
+    remaining = depends_on(tests_after) if ratio_after > MATERIAL_RATIO else []
+    if verdict == "unexplained":
+        axes = depends_on(tests_before)
+    diagnosis = Diagnosis(
+        name,
+        verdict,
+        HeldOut(
+            "every third press, in recording order",
+            evidence.noise_v,
+            ratio_before,
+            ratio_after if claims else ratio_before,
+            p_value,
+            force_before,
+            force_after,
+        ),
+        stage=None if lead is None else str(lead.stage),
+        electrodes=electrodes,
+        position_m=position,
+        radius_m=radius,
+        depends_on=tuple(axes),
+        claims=tuple(claims),
+        unexplained_ratio=ratio_after if claims else ratio_before,
+        unexplained_depends_on=tuple(remaining),
+    )
+    return Findings(
+        diagnosis, evidence, baseline, selection, held, before, after, tuple(tests_before), tuple(tests_after)
+    )
+
+
+def _ratio(residual: Array) -> float:
+    return float(np.sqrt((residual**2).mean()))
+
+
+def _misfit_p(residual: Array) -> float:
+    """Chance of so large a misfit from white noise alone."""
+    return float(chi2.sf(float((residual**2).sum()), residual.size))
+
+
+def _discounted(claims: list[Claim], before: float, after: float) -> list[Claim]:
+    """Claims lose confidence with the part of the excess misfit that they leave: a wrong form explains in part."""
+    excess, left = max(before**2 - 1, 0.0), max(after**2 - MATERIAL_RATIO**2, 0.0)
+    if excess <= 0 or left <= 0:
+        return claims
+    share = max(0.0, 1 - left / excess)
+    return [
+        replace(c, confidence=c.confidence * (share if c.effect.stage != "mechanics" else 1.0)) for c in claims
+    ]
+
+
+def _voltage_claim(selection: Selection, chosen: Chosen, number: int) -> Claim:
+    solved = selection.after
+    first = len(solved.terms) - len(selection.chosen)
+    term = solved.terms[first + number]
+    inflation = QUANTILE * max(1.0, float(np.sqrt((solved.scan_residual**2).mean())))
+    known = term.effect.parameters()
+    estimates = {}
+    for key in term.free:
+        value, low, high = solved.interval(first + number, key, inflation)
+        estimates[key] = Estimate(value, max(low, known[key].low), min(high, known[key].high), known[key].unit)
+    confidence, alternatives = confidences(chosen.rivals)
+    return Claim(term.effect, confidence, chosen.ratio_alone, estimates, alternatives)
+
+
+def _force_claims(evidence: Evidence, baseline: Baseline) -> tuple[list[Claim], float | None, float | None]:
+    plain, best = baseline.force_plain, baseline.force_best
+    if plain is None or best is None:
+        return [], None, None
+    noise = baseline.force_noise_n
+    rmse = [float(np.sqrt(np.nanmean(f.residual**2)) * noise) for f in (plain, best)]
+    claims = []
+    for effect in best.effects:
+        claim = _force_claim(evidence, baseline, best, effect)
+        if claim.ratio_alone > 1.03:
+            claims.append(claim)
+    return claims, rmse[0], rmse[1]
+
+
+def _force_claim(evidence: Evidence, baseline: Baseline, best: ForceFit, effect: Effect) -> Claim:
+    """The fit without this effect, and with each other foam effect in its stead."""
+    data = ForceData(
+        evidence.history, baseline.force_noise_n, best.support_n_per_m, 1e-3, evidence.sensor.layers[0].thickness_m
+    )
+    rest = [e for e in best.effects if e.name != effect.name]
+    count = int(np.isfinite(best.residual).sum())
+    without = fit_force(data, rest, start=best)
+    alone = float(np.sqrt(max(1.0, 1 + (without.chi_square - best.chi_square) / count)))
+    used = {e.name for e in best.effects}
+    rivals = []
+    for other, starts in STARTS.items():
+        if other not in used:
+            replaced = min((fit_force(data, [*rest, s], start=best) for s in starts), key=lambda f: f.chi_square)
+            rivals.append((other, 0.5 * (replaced.chi_square - best.chi_square)))
+    confidence, alternatives = confidences(tuple(rivals))
+    estimates = {}
+    known = effect.parameters()
+    for key in free_parameters(effect):  # type: ignore[arg-type]
+        k = best.names.index(f"{effect.name}.{key}")
+        error = QUANTILE * float(np.sqrt(max(best.covariance[k, k], 0.0)))
+        value = float(getattr(effect, key))
+        estimates[key] = Estimate(value, max(value - error, known[key].low), min(value + error, known[key].high), known[key].unit)
+    return Claim(effect, confidence, alone, estimates, alternatives)
+
+
+def _place_of(claims: list[Claim]) -> tuple[tuple[float, float] | None, float | None]:
+    for claim in claims:
+        effect = claim.effect
+        if isinstance(effect, PiezoInhomogeneity | SheetInhomogeneity) and effect.amplitude != 0:
+            return (effect.x_m, effect.y_m), effect.radius_m
+    return None, None

@@ -1,0 +1,26 @@
+"""A diagnosis in a few lines on the terminal."""
+
+from __future__ import annotations
+
+from rich.console import Console
+from rich.table import Table
+
+from ertskin.diagnosis.claims import Diagnosis
+
+
+def print_summary(console: Console, diagnosis: Diagnosis) -> None:
+    """Verdict, misfit before and after, and the effects with their parameters."""
+    held = diagnosis.held_out
+    console.print(f"[bold]{diagnosis.verdict}[/bold]" + (f": {diagnosis.reason}" if diagnosis.reason else ""))
+    if held.ratio_before is not None:
+        after = f", with the effects below {held.ratio_after:.3f}" if diagnosis.claims else ""
+        console.print(f"misfit on presses held out, in units of the noise: {held.ratio_before:.3f}{after}", highlight=False)
+    if held.force_before_n is not None and held.force_after_n is not None and diagnosis.claims:
+        console.print(f"force: {held.force_before_n:.3g} N off before, {held.force_after_n:.3g} N after", highlight=False)
+    if not diagnosis.claims:
+        return
+    table = Table("effect", "confidence", "ratio without it", "parameters (90 %)")
+    for claim in diagnosis.claims:
+        words = ", ".join(f"{k} {e.value:.4g} [{e.low:.4g}, {e.high:.4g}] {e.unit}" for k, e in claim.parameters.items())
+        table.add_row(claim.effect.name, f"{claim.confidence:.2f}", f"{claim.ratio_alone:.3g}", words)
+    console.print(table)

@@ -1,0 +1,50 @@
+"""A diagnosis on disk: diagnosis.json, and the effects as a choice that synthesize and train take at once."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+from pathlib import Path
+
+import yaml
+
+from ertskin.diagnosis.claims import Diagnosis
+from physics.effects.effect import Effect
+from physics.effects.registry import effects_config
+
+
+def write_diagnosis(folder: Path, diagnosis: Diagnosis) -> Path:
+    """``folder/diagnosis.json``, written aside and renamed."""
+    return _replace(folder / "diagnosis.json", json.dumps(_finite(diagnosis.plain()), indent=1) + "\n")
+
+
+def write_effects(folder: Path, name: str, effects: tuple[Effect, ...], recording: str) -> Path:
+    """``folder/effects/name.yaml``: with ``--config-dir folder``, or below runs/conf, ``effects=name`` chooses it."""
+    head = f"# What a diagnosis of {recording} says the simulator leaves out.\n"
+    body = yaml.safe_dump(effects_config(effects), sort_keys=False) if effects else "{}\n"
+    return _replace(folder / "effects" / f"{name}.yaml", head + body)
+
+
+def config_name(recording: Path) -> str:
+    """A name Hydra takes for the choice that a recording's diagnosis writes."""
+    return re.sub(r"[^A-Za-z0-9_]+", "_", recording.stem).strip("_") or "diagnosed"
+
+
+def _replace(path: Path, text: str) -> Path:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    aside = path.with_name(f".{path.name}.{os.getpid()}")
+    aside.write_text(text, encoding="utf-8")
+    os.replace(aside, path)
+    return path
+
+
+def _finite(value: object) -> object:
+    """JSON has no NaN and no infinity."""
+    if isinstance(value, dict):
+        return {key: _finite(v) for key, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(v) for v in value]
+    if isinstance(value, float) and not abs(value) < float("inf"):
+        return None
+    return value.item() if hasattr(value, "item") else value
