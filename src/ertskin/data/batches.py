@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import torch
 from torch import Tensor
 
-from ertskin.data.tensors import Batches, TrialTensors
+from ertskin.data.tensors import TrialTensors
 
 
 class Chunks:
@@ -32,7 +32,7 @@ class Chunks:
             last = position + 1 == len(self)
             self.epoch, self.position = (epoch + 1, 0) if last else (epoch, position + 1)
             these = slice(position * self.size, (position + 1) * self.size)
-            yield gathered(self.trials, order[these], None if noise_rows is None else noise_rows[these], self.batch)
+            yield Batches(self.trials, order[these], None if noise_rows is None else noise_rows[these], self.batch)
 
     def state_dict(self) -> dict[str, int]:
         """Epoch and chunk that come next."""
@@ -64,12 +64,26 @@ class InOrder:
     def __iter__(self) -> Iterator[Batches]:
         for rows in self.rows.to(self.trials.inputs.device).split(self.batch):
             noise_rows = None if self.trials.noise is None else rows % len(self.trials.noise)
-            yield gathered(self.trials, rows, noise_rows, self.batch)
+            yield Batches(self.trials, rows, noise_rows, self.batch)
 
 
-def gathered(trials: TrialTensors, rows: Tensor, noise_rows: Tensor | None, batch: int) -> Batches:
-    """The trials of these rows, each with its row of noise added."""
-    inputs = trials.inputs.index_select(0, rows)
-    if trials.noise is not None and noise_rows is not None:
-        inputs += trials.noise.index_select(0, noise_rows)
-    return Batches(inputs, {name: value.index_select(0, rows) for name, value in trials.targets.items()}, batch)
+class Batches:
+    """Mini-batches of the trials in ``rows``, each trial with its row of noise, gathered one at a time.
+
+    A mini-batch so stays in the processor's cache until it has been used. The last one may be short.
+    """
+
+    def __init__(self, trials: TrialTensors, rows: Tensor, noise_rows: Tensor | None, batch: int) -> None:
+        self.trials, self.rows, self.noise_rows, self.batch = trials, rows, noise_rows, batch
+
+    def __iter__(self) -> Iterator[tuple[Tensor, dict[str, Tensor]]]:
+        """Yields (inputs, targets); a batch of one trial is left out: it has no statistics."""
+        trials = self.trials
+        for start in range(0, len(self.rows), self.batch):
+            rows = self.rows[start : start + self.batch]
+            if len(rows) < 2:
+                continue
+            inputs = trials.inputs.index_select(0, rows)
+            if trials.noise is not None and self.noise_rows is not None:
+                inputs += trials.noise.index_select(0, self.noise_rows[start : start + self.batch])
+            yield inputs, {name: value.index_select(0, rows) for name, value in trials.targets.items()}

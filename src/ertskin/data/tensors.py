@@ -27,19 +27,3 @@ class TrialTensors:
         """The same trials on another device."""
         noise = None if self.noise is None else self.noise.to(device)
         return TrialTensors(self.inputs.to(device), {k: v.to(device) for k, v in self.targets.items()}, noise)
-
-
-@dataclass
-class Batches:
-    """Consecutive mini-batches: ``inputs`` (m*batch, D) and ``targets`` beside them; the last batch may be short."""
-
-    inputs: Tensor
-    targets: dict[str, Tensor]
-    batch: int
-
-    def __iter__(self):
-        """Yields (inputs, targets) of each mini-batch; a last batch of one trial is left out: it has no statistics."""
-        pieces = [self.inputs.split(self.batch), *(value.split(self.batch) for value in self.targets.values())]
-        for inputs, *targets in zip(*pieces, strict=True):
-            if len(inputs) > 1:
-                yield inputs, dict(zip(self.targets, targets, strict=True))

@@ -11,7 +11,8 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from ertskin.data.tensors import Batches, TrialTensors
+from ertskin.data.batches import Batches
+from ertskin.data.tensors import TrialTensors
 from ertskin.data.trials import TrialSet
 from ertskin.errors import JobFailed
 from ertskin.models.estimate import Estimate
@@ -58,7 +59,7 @@ class Network(pl.LightningModule):
         optimizer = self.optimizers(use_pl_optimizer=False)
         total = torch.zeros((), device=self.device)
         for inputs, targets in batches:
-            loss = torch.stack(list(self.losses(inputs, targets).values())).sum()
+            loss = _summed(self.losses(inputs, targets))
             optimizer.zero_grad(set_to_none=True)  # type: ignore[union-attr]
             loss.backward()
             optimizer.step()  # type: ignore[union-attr]
@@ -77,7 +78,7 @@ class Network(pl.LightningModule):
         """Mean losses over the validation trials; raises ``JobFailed`` where they are no longer finite."""
         for inputs, targets in batches:
             parts = self.losses(inputs, targets)
-            total = torch.stack(list(parts.values())).sum()
+            total = _summed(parts)
             if not torch.isfinite(total):
                 raise JobFailed(f"the validation loss is no longer finite in epoch {self.current_epoch}")
             named = {"validation_loss": total} | {f"validation_{name}_loss": part for name, part in parts.items()}
@@ -86,3 +87,8 @@ class Network(pl.LightningModule):
     def configure_optimizers(self) -> torch.optim.Optimizer:
         """Adam (paper IV-C), its update fused into one kernel."""
         return torch.optim.Adam(self.parameters(), lr=self.learning_rate, fused=True)
+
+
+def _summed(parts: dict[str, Tensor]) -> Tensor:
+    first, *rest = parts.values()
+    return sum(rest, start=first)
