@@ -17,7 +17,9 @@ from physics.skin import Skin
 
 COARSE = Resolution(2, Grading(cell_m=6e-3, rim_m=2e-3, growth=2.0))
 CENTERS = np.array([[0.006, 0.006], [0.054, 0.006], [0.054, 0.054], [0.006, 0.054], [0.03, 0.006], [0.03, 0.054]])
-PRESSES_M = np.array([[[0.02, 0.03], [np.nan, np.nan]], [[0.02, 0.03], [0.042, 0.015]], [[0.033, 0.041], [0.011, 0.01]]])
+PRESSES_M = np.array(
+    [[[0.02, 0.03], [np.nan, np.nan]], [[0.02, 0.03], [0.042, 0.015]], [[0.033, 0.041], [0.011, 0.01]]]
+)
 FORCES_N = np.array([[3.0, np.nan], [4.0, 1.5], [0.5, 8.0]])
 
 
