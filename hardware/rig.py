@@ -41,11 +41,12 @@ class Geometry:
     """Where things are in the stage's frame.
 
     ``origin_m``: the sheet's corner (0, 0), and about the height of the surface, too high rather than too low.
-    ``block_m``: the middle of a rigid block's surface, if there is one.
+    ``block_m``: the middle of a rigid block's surface, if there is one; ``specimen_m`` that of a specimen's plate.
     """
 
     origin_m: tuple[float, float, float]
     block_m: tuple[float, float, float] | None = None
+    specimen_m: tuple[float, float, float] | None = None
 
 
 @dataclass

@@ -19,10 +19,13 @@ from hardware.virtual.marlin import MarlinController
 from hardware.virtual.serving import RealTimeClock
 from hardware.virtual.skin import Skin
 from hardware.virtual.terminal import DeviceClock, Terminal
-from hardware.virtual.world import Block, World
+from hardware.virtual.world import Block, Pair, SpecimenPlace, World
 
 MARGIN_M = 0.03
 """How far the stage reaches beyond the sheet."""
+PLATE_M2 = 1e-4
+"""Area of the plate on a specimen."""
+SPECIMEN_N_PER_M = 8e3
 HEIGHT_M = 0.05
 """The stage's top above the sheet."""
 
@@ -69,6 +72,7 @@ def virtual_bench(
     reader: str = "link",
     sunk_m: float = 7.3e-4,
     block_stiffness_n_per_m: float | None = None,
+    pair: Pair | None = None,
     limits: Mapping[str, float] | None = None,
     force_noise_n: float = 0.0,
     seed: int = 0,
@@ -90,7 +94,9 @@ def virtual_bench(
         origin = (MARGIN_M, MARGIN_M, travel[2] - HEIGHT_M)
     block_place = (width + 1.5 * MARGIN_M, depth / 2)
     block = None if block_stiffness_n_per_m is None else Block(block_place, block_stiffness_n_per_m)
-    world = World(skin, (origin[0], origin[1], origin[2] - sunk_m), block, force_noise_n, seed)
+    specimen_place = (width + 1.5 * MARGIN_M, 0.0)
+    specimen = None if pair is None else SpecimenPlace(specimen_place, pair, PLATE_M2, SPECIMEN_N_PER_M, (0, 0))
+    world = World(skin, (origin[0], origin[1], origin[2] - sunk_m), block, specimen, force_noise_n, seed)
     clock: Any = RealTimeClock() if real_time else VirtualClock(start_s)
     devices: dict[str, Terminal] = {
         "stage": GrblController(clock, folder / "stage", world, travel)
@@ -109,6 +115,9 @@ def virtual_bench(
         "geometry": {
             "origin_m": origin,
             "block_m": None if block is None else (origin[0] + block_place[0], origin[1] + block_place[1], origin[2]),
+            "specimen_m": None
+            if specimen is None
+            else (origin[0] + specimen_place[0], origin[1] + specimen_place[1], origin[2]),
         },
         "limits": dict(limits or {}),
     }

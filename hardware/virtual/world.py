@@ -30,6 +30,26 @@ class Block:
     radius_m: float = 0.01
 
 
+class Pair(Protocol):
+    """A specimen of the piezoresistive pair as the world sees it."""
+
+    def resistance_ohm_sq(self, time_s: float, stress_pa: float) -> float:
+        """Sheet resistance under a stress; calls come in time order."""
+        ...
+
+
+@dataclass(frozen=True)
+class SpecimenPlace:
+    """A specimen between plates on the bench, its two ends wired to one of the reader's injections."""
+
+    place_m: tuple[float, float]
+    pair: Pair
+    area_m2: float
+    stiffness_n_per_m: float
+    reading: tuple[int, int]
+    radius_m: float = 0.01
+
+
 class World:
     """A skin at ``origin_m`` (x, y, z of its corner's surface, in the stage's frame), perhaps a block, one indenter."""
 
@@ -38,6 +58,7 @@ class World:
         skin: Skin,
         origin_m: tuple[float, float, float] = (0.0, 0.0, 0.0),
         block: Block | None = None,
+        specimen: SpecimenPlace | None = None,
         force_noise_n: float = 0.0,
         seed: int = 0,
     ) -> None:
@@ -47,6 +68,9 @@ class World:
         self.pressed_n = 0.0
         self._origin_m = np.array(origin_m)
         self._block = block
+        self._specimen = specimen
+        self._resistance_ohm_sq = 0.0
+        self._on_specimen = False
         self._force_noise_n = force_noise_n
         self._rng = np.random.default_rng(seed)
         self._time_s = 0.0
@@ -65,7 +89,13 @@ class World:
     def scan(self, time_s: float) -> Array:
         """(K,M) volt of a scan that starts at ``time_s``."""
         self._advance(time_s)
-        return self.skin.scan(time_s)
+        if self._specimen is None or not self._on_specimen:
+            return self.skin.scan(time_s)
+        injection, reading = self._specimen.reading
+        voltage = np.zeros(self.skin.protocol.shape)
+        current = np.abs(self.skin.protocol.injection_current_a[injection]).max()
+        voltage[injection, reading] = current * self._resistance_ohm_sq
+        return voltage
 
     def _advance(self, time_s: float) -> None:
         if self.mover is None or time_s < self._time_s:
@@ -76,8 +106,13 @@ class World:
 
     def _press(self, time_s: float, position_m: Array) -> float:
         depth_m = -float(position_m[2])
-        block = self._block
-        if block is not None and np.hypot(*(position_m[:2] - np.array(block.place_m))) < block.radius_m:
-            self.skin.advance(time_s, None, 0.0)
-            return block.stiffness_n_per_m * max(0.0, depth_m)
+        self._on_specimen = False
+        for thing in (self._block, self._specimen):
+            if thing is not None and np.hypot(*(position_m[:2] - np.array(thing.place_m))) < thing.radius_m:
+                self.skin.advance(time_s, None, 0.0)
+                force = thing.stiffness_n_per_m * max(0.0, depth_m)
+                if isinstance(thing, SpecimenPlace):
+                    self._on_specimen = True
+                    self._resistance_ohm_sq = thing.pair.resistance_ohm_sq(time_s, force / thing.area_m2)
+                return force
         return self.skin.advance(time_s, position_m[:2], depth_m)

@@ -17,7 +17,9 @@ from hardware.plan import Plan, PlanError, Press, ramp, two_point_test
 from hardware.recorder import part_of
 from hardware.recording import read_recording
 from hardware.rigid_block import press_rigid_block
+from hardware.specimen_run import SpecimenSetup, press_specimen
 from hardware.validate import validate
+from hardware.virtual.rig import PLATE_M2
 from physics.history import Phase
 
 
@@ -259,4 +261,34 @@ def test_the_experiment_takes_its_bench_as_given(tmp_path: Path) -> None:
     assert Experiment(rig, recorder, 0.0).outcome.frames == 0
     recorder.close()
     rig.close()
+    bench.close()
+
+
+class StraightPair:
+    """A pair whose resistance falls straight with stress."""
+
+    def resistance_ohm_sq(self, time_s: float, stress_pa: float) -> float:
+        return 4000.0 - 0.05 * stress_pa
+
+
+def test_specimen_gives_the_pairs_law() -> None:
+    bench = bench_of(pair=StraightPair())
+    indenter = Indenter(bench.open())
+    indenter.ready()
+    indenter.zero()
+    specimen = press_specimen(indenter, SpecimenSetup(PLATE_M2, steps=6, cycles=2))
+    assert len(specimen.stress_pa) == 2 * 13
+    assert list(np.unique(specimen.cycle)) == [0, 1]
+    assert specimen.stress_pa.max() == pytest.approx(6e4, rel=0.02)
+    np.testing.assert_allclose(specimen.sheet_resistance_ohm_sq, 4000 - 0.05 * specimen.stress_pa, atol=12)
+    assert (np.diff(specimen.time_s) > 0).all()
+    assert deepest_m(bench) < -5e-3
+    bench.close()
+
+
+def test_a_bench_without_a_specimen_says_so() -> None:
+    bench = bench_of()
+    indenter = Indenter(bench.open())
+    with pytest.raises(LimitExceeded, match="specimen_m"):
+        press_specimen(indenter, SpecimenSetup(PLATE_M2))
     bench.close()

@@ -13,6 +13,7 @@ from hardware.compressometer import read_specimen_table
 from hardware.description import DescriptionError, protocol_of, sensor_of
 from hardware.recording import Specimen
 from hardware.rig import Rig, RigError, open_rig
+from hardware.specimen_run import SpecimenSetup
 from physics.protocol import Protocol
 from physics.sensor import Sensor
 
@@ -22,10 +23,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class OpenBench:
-    """A rig, the specimen test that goes with it, and, on the virtual bench alone, what is hidden in it."""
+    """A rig, the specimen test that goes with it or how to make it, and, on the virtual bench alone, what is hidden."""
 
     rig: Rig
     specimen: Specimen | None
+    setup: SpecimenSetup | None
     truth: Truth | None
 
 
@@ -50,7 +52,7 @@ def opened(
     machine's instead of jumping over every wait. Raises ``UserError`` for a
     description that makes no sense, ``LostContact`` where a port can't be opened.
     """
-    specimen = Path(fields["specimen"]) if fields.get("specimen") else None
+    table = Path(fields["specimen"]) if fields.get("specimen") else None
     try:
         if fields.get("virtual"):
             with _virtual(fields, sensor, protocol, start_s, real_time) as bench:
@@ -60,7 +62,8 @@ def opened(
     except RigError as error:
         raise UserError(str(error)) from None
     try:
-        yield OpenBench(rig, None if specimen is None else read_specimen_table(specimen), None)
+        setup = SpecimenSetup(**fields["specimen_run"]) if fields.get("specimen_run") else None
+        yield OpenBench(rig, None if table is None else read_specimen_table(table), setup, None)
     finally:
         rig.close()
 
@@ -69,11 +72,11 @@ def opened(
 def _virtual(
     fields: Mapping[str, Any], sensor: Sensor, protocol: Protocol, start_s: float, real_time: bool
 ) -> Iterator[OpenBench]:
-    from hardware.virtual.bench.bench import Bench
     from hardware.virtual.bench.live import LiveSkin
     from hardware.virtual.bench.truth import Noise, draw_truth
-    from hardware.virtual.rig import virtual_bench
+    from hardware.virtual.rig import PLATE_M2, virtual_bench
     from hardware.virtual.serving import Server
+    from hardware.virtual.specimen import BenchSpecimen
 
     hidden = {name: float(strength) for name, strength in (fields.get("effects") or {}).items()}
     try:
@@ -86,6 +89,7 @@ def _virtual(
         fields["load_cell"]["driver"],
         fields["ert_reader"]["driver"],
         block_stiffness_n_per_m=truth.support_n_per_m,
+        pair=BenchSpecimen(truth),
         limits=fields.get("limits"),
         seed=truth.seed,
         start_s=start_s,
@@ -94,7 +98,8 @@ def _virtual(
     server = Server([bench.stage, bench.load_cell, bench.reader]) if real_time else None
     rig = bench.open()
     try:
-        yield OpenBench(rig, Bench(truth, sensor, protocol).specimen(), truth)
+        setup = SpecimenSetup(**{"area_m2": PLATE_M2, **(fields.get("specimen_run") or {})})
+        yield OpenBench(rig, None, setup, truth)
     finally:
         rig.close()
         if server is not None:

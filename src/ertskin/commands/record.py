@@ -84,7 +84,7 @@ def _record(bench: OpenBench, plan: Plan, path: Path, header: Recording, start_s
         first = next_press(so_far.frames)
         console.print(f"going on at press {first + 1} of {len(plan.presses)}", highlight=False)
     else:
-        header = replace(header, rigid_block=_block(bench, console))
+        header = _measured_before(bench, header, console)
         counts = rig.protocol.adc_volts_per_count is not None and hasattr(rig.reader, "identity")
         recorder = Recorder(path, header, plan, rig.protocol.shape, counts)
     try:
@@ -110,22 +110,30 @@ def _guard(bench: OpenBench, rig: dict[str, Any]) -> AbstractContextManager[None
     return guarded(rig["stage"], limits.clearance_m + limits.depth_m, limits.travel_speed_m_s)
 
 
-def _block(bench: OpenBench, console: Console) -> Any:
-    """The rigid-block run, where the bench has a block."""
+def _measured_before(bench: OpenBench, header: Recording, console: Console) -> Recording:
+    """The header with the rigid-block run and the specimen test, where the bench has what they need."""
     from hardware.indenter import Indenter
     from hardware.rigid_block import press_rigid_block
+    from hardware.specimen_run import press_specimen
 
-    if bench.rig.geometry.block_m is None:
-        return None
-    console.print("pressing the rigid block", highlight=False)
+    geometry = bench.rig.geometry
+    pressed = geometry.specimen_m is not None and bench.setup is not None and header.specimen is None
+    if geometry.block_m is None and not pressed:
+        return header
     indenter = Indenter(bench.rig)
     try:
         indenter.ready()
         indenter.zero()
-        return press_rigid_block(indenter)
     except BaseException:
         indenter.retract()
         raise
+    if geometry.block_m is not None:
+        console.print("pressing the rigid block", highlight=False)
+        header = replace(header, rigid_block=press_rigid_block(indenter))
+    if pressed and bench.setup is not None:
+        console.print("pressing the specimen", highlight=False)
+        header = replace(header, specimen=press_specimen(indenter, bench.setup))
+    return header
 
 
 def _weights(console: Console, press: Press | None) -> None:
