@@ -1,0 +1,162 @@
+"""Run every forward benchmark and write results.json, the tables in README.md and scaling.png.
+
+python experiments/benchmarks/run.py [--small]
+"""
+
+from __future__ import annotations
+
+import os
+
+for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ[name] = "1"
+
+import argparse  # noqa: E402
+import json  # noqa: E402
+import platform  # noqa: E402
+from collections.abc import Iterator  # noqa: E402
+from importlib.metadata import version  # noqa: E402
+from pathlib import Path  # noqa: E402
+
+import single_frame  # noqa: E402
+import trials  # noqa: E402
+
+HERE = Path(__file__).resolve().parent
+PACKAGES = ("numpy", "scipy", "numba", "pyeit")
+BEGIN, END = "<!-- results -->", "<!-- end of results -->"
+
+
+def measure(small: bool) -> dict:
+    """All results; ``small``: two meshes, few turns and few trials, for a look in a minute or two."""
+    turns = 5 if small else 15
+    sizes = (2_500, 10_000) if small else (2_500, 10_000, 40_000)
+    cores = os.cpu_count() or 1
+    return {
+        "machine": {
+            "processor": processor(),
+            "cores": cores,
+            "python": platform.python_version(),
+            **{name: version(name) for name in PACKAGES},
+            "load": os.getloadavg()[0],
+        },
+        "frame": [told(single_frame.frame(n, turns, with_pyeit=n <= 10_000)) for n in sizes],
+        "jacobian": [told(single_frame.jacobian(n, max(3, turns // 3))) for n in sizes[:2]],
+        "electrodes": [told(single_frame.electrodes(n, turns)) for n in ((16, 32) if small else (16, 24, 32, 64))],
+        "contacts": [told(trials.contacts(n, 30 if small else 200)) for n in (1, 2, 3, 4)],
+        "trials": told(trials.run(400 if small else 32_400, cores)),
+    }
+
+
+def told(result: dict) -> dict:
+    """The result, shown as soon as it is there."""
+    print(json.dumps(result), flush=True)
+    return result
+
+
+def processor() -> str:
+    """The processor's name."""
+    info = Path("/proc/cpuinfo")
+    lines = info.read_text().splitlines() if info.is_file() else []
+    names = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]
+    return names[0] if names else platform.processor()
+
+
+def tables(results: dict) -> Iterator[str]:
+    """Lines of the tables."""
+    machine = results["machine"]
+    yield f"{machine['processor']}, {machine['cores']} cores, load {machine['load']:.1f} by others at the start; "
+    yield (
+        f"Python {machine['python']}, "
+        + ", ".join(f"{n} {machine[n]}" for n in ("numpy", "scipy", "numba", "pyeit"))
+        + "."
+    )
+    yield "One thread, CPU milliseconds, medians; in brackets the median of the ratio to ertskin within a turn."
+    yield ""
+    yield "| one frame, 24 electrodes, 6,624 readings | ertskin | SciPy, factor once | pyEIT |"
+    yield "| --- | --- | --- | --- |"
+    for row in results["frame"]:
+        theirs = cell(row["pyEIT"]) if "pyEIT" in row else "not run"
+        yield f"| {row['nodes']:,} nodes | {row['ertskin']['ms']:.2f} | {cell(row['SciPy, factor once'])} | {theirs} |"
+    yield ""
+    yield "| Jacobian of 276 numbers by every element | ertskin | NumPy after factor once |"
+    yield "| --- | --- | --- |"
+    for row in results["jacobian"]:
+        yield f"| {row['nodes']:,} nodes | {row['ertskin']['ms']:.1f} | {cell(row['SciPy, factor once'])} |"
+    yield ""
+    yield "| one frame, about 10,000 nodes, all pairs driven | ertskin | SciPy, factor once |"
+    yield "| --- | --- | --- |"
+    for row in results["electrodes"]:
+        yield f"| {row['electrodes']} electrodes | {row['ertskin']['ms']:.2f} | {cell(row['SciPy, factor once'])} |"
+    yield ""
+    yield "| contacts anywhere on the padded sheet, CPU ms a trial | `fast` mesh | `fine` mesh |"
+    yield "| --- | --- | --- |"
+    for row in results["contacts"]:
+        yield f"| {row['contacts']} | {row['fast']:.1f} | {row['fine']:.1f} |"
+    yield ""
+    row = results["trials"]
+    plain = row["factor_once_cpu_s_per_trial"]
+    yield f"| the paper's trials | {row['trials']:,} |"
+    yield "| --- | --- |"
+    yield f"| on {row['workers']} threads: wall, CPU seconds | {row['seconds']:.0f}, {row['cpu_s']:.0f} |"
+    yield f"| on one thread: CPU ms a trial | {row['one_thread_cpu_ms_per_trial']:.2f} |"
+    yield f"| preparation: wall, CPU seconds | {row['preparation_s']:.0f}, {row['preparation_cpu_s']:.0f} |"
+    yield f"| SciPy factor once, CPU ms a trial on the fine mesh ({row['nodes']:,} unknowns) | {1e3 * plain:,.0f} |"
+    yield f"| ratio of CPU times | {row['ratio_cpu']:,.0f} |"
+    yield f"| peak memory of the whole benchmark, GB | {row['peak_memory_gb']:.1f} |"
+    yield f"| error in the readings, of a 2 mV noise | {row['reading_error']:.3f} |"
+    yield f"| error in the 276 numbers, of a 2 mV noise | {row['reciprocal_error']:.3f} |"
+    yield f"| the same in the worst trial | {row['worst_reciprocal_error']:.3f} |"
+    yield ""
+    yield f"Errors against the fine mesh solved directly, over {trials.CHECKED} trials with neighbours among them; "
+    yield f"load {row['load']:.1f} by other programs at the end."
+
+
+def cell(entry: dict) -> str:
+    """Milliseconds and ratio."""
+    return f"{entry['ms']:,.1f} ({entry['ratio']:,.1f})"
+
+
+def draw(results: dict, path: Path) -> None:
+    """Time of a frame against nodes, and against electrodes."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+
+    figure, (left, right) = plt.subplots(1, 2, figsize=(9, 3.6), constrained_layout=True)
+    for name in ("ertskin", "SciPy, factor once", "pyEIT"):
+        rows = [row for row in results["frame"] if name in row]
+        left.loglog([row["nodes"] for row in rows], [row[name]["ms"] for row in rows], "o-", label=name)
+    left.set(xlabel="nodes", ylabel="ms a frame, one thread", title="24 electrodes, 6,624 readings")
+    left.legend()
+    for name in ("ertskin", "SciPy, factor once"):
+        right.loglog(
+            [row["electrodes"] for row in results["electrodes"]],
+            [row[name]["ms"] for row in results["electrodes"]],
+            "o-",
+            label=name,
+        )
+    right.set(xlabel="electrodes", ylabel="ms a frame, one thread", title="about 10,000 nodes")
+    for axes in (left, right):
+        axes.grid(True, which="both", alpha=0.3)
+    figure.savefig(path, dpi=120)
+
+
+def main() -> None:
+    """Measure, then write table, plot and numbers; ``--small`` prints only."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--small", action="store_true", help="a look in a minute or two; writes nothing")
+    small = parser.parse_args().small
+    results = measure(small)
+    lines = "\n".join(tables(results))
+    print(lines)
+    if small:
+        return
+    (HERE / "results.json").write_text(json.dumps(results, indent=1) + "\n")
+    draw(results, HERE / "scaling.png")
+    readme = HERE / "README.md"
+    before, rest = readme.read_text().split(BEGIN)
+    readme.write_text(before + BEGIN + "\n" + lines + "\n" + END + rest.split(END)[1])
+
+
+if __name__ == "__main__":
+    main()
