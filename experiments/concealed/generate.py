@@ -64,12 +64,13 @@ def write_case(case: Case, out: Path) -> str:
 
 
 def _misdescribed(sensor: Sensor) -> Sensor:
-    """A maker's description that is off: moduli, sheet resistance and contact resistance."""
-    moduli = {layer.name: layer.youngs_modulus_pa for layer in sensor.layers}
-    wrong = sensor.with_layers(neoprene=moduli["neoprene"] * 1.6, sheet_fabric=moduli["sheet_fabric"] * 0.8)
-    return replace(
-        wrong, sheet_resistance_ohm_sq=0.85 * sensor.sheet_resistance_ohm_sq, contact_resistance_guess_ohm=1e3
+    """A maker's description that is off: foam, all fabrics alike, sheet resistance and contact resistance."""
+    share = {layer.name: 0.8 if "fabric" in layer.name else 1.6 for layer in sensor.layers if layer.name != "glue"}
+    wrong = sensor.with_layers(
+        **{layer.name: share[layer.name] * layer.youngs_modulus_pa for layer in sensor.layers if layer.name in share}
     )
+    sheet_ohm = 0.85 * sensor.sheet_resistance_ohm_sq
+    return replace(wrong, sheet_resistance_ohm_sq=sheet_ohm, contact_resistance_guess_ohm=1e3)
 
 
 def generate(cases: list[Case], out: Path, jobs: int) -> Iterator[str]:
