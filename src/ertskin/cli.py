@@ -75,6 +75,8 @@ def _dispatch(arguments: list[str]) -> int:
 
 
 def _run(verb: str, arguments: list[str]) -> None:
+    # Threads that wait for one another must sleep: spinning, two of them beside a busy neighbour crawl.
+    os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
     os.environ["HYDRA_FULL_ERROR"] = "1"  # Hydra then raises, and the message is ours to word.
     import hydra
 

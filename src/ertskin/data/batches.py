@@ -55,7 +55,7 @@ class Chunks:
 class InOrder:
     """Trials in large batches, always the same: each keeps one row of noise, so that losses compare between epochs."""
 
-    def __init__(self, trials: TrialTensors, rows: Tensor, batch: int = 4096) -> None:
+    def __init__(self, trials: TrialTensors, rows: Tensor, batch: int = 1024) -> None:
         self.trials, self.rows, self.batch = trials, rows, batch
 
     def __len__(self) -> int:

@@ -21,7 +21,7 @@ from ertskin.tracking.settings import TrackingSettings
 from ertskin.tracking.sweep import job_key, parent_run_id
 from ertskin.training.reconstruct import train_reconstruction
 from ertskin.training.settings import TrainerSettings
-from ertskin.training.validation import validation_scores
+from ertskin.training.validation import validate
 
 DONE, MODEL = "done.json", "model.pt"
 # What a job's outcome doesn't depend on: where things lie. What they hold is in the checksums.
@@ -84,10 +84,12 @@ def _train(config: DictConfig, material: Material, folder: Path, run: Run) -> Re
 
 
 def _validate(config: DictConfig, reconstruction: Reconstruction, material: Material, run: Run) -> dict[str, float]:
-    scores = validation_scores(reconstruction, material, _settings(config))
-    metrics = {f"validation_{name}": score.value for name, score in scores.items()}
+    outcome = validate(reconstruction, material, _settings(config))
+    metrics = {f"validation_{name}": score.value for name, score in outcome.scores.items()}
     run.metrics(metrics)
-    run.table(as_plain(scores), "validation.json")
+    run.table(as_plain(outcome.scores), "validation/per_taxel.json")
+    for name, figure in outcome.figures().items():
+        run.figure(figure, f"validation/{name}")
     return metrics
 
 

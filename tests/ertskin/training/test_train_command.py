@@ -50,6 +50,8 @@ def test_a_small_training_learns_and_its_model_comes_back_from_mlflow(workplace,
     assert run.data.params["data_checksum"] == "resistor-sheet-1500"
     assert run.data.params["model.name"] == "reciprocal"
     assert {"validation_hit_rate_one", "validation_exact_rate_two"} <= set(run.data.metrics)
+    drawn = {file.path for file in open_store(TRACKING.database).list_artifacts(run.info.run_id, "validation")}
+    assert {"validation/force_one.png", "validation/hit_rate_one.png", "validation/per_taxel.json"} <= drawn
 
     # Judged on fresh trials, beside ridge regression on the very same material.
     made = material(None, 1500)
