@@ -65,7 +65,7 @@ def _indenter_offset(strength: float, rng: np.random.Generator, sensor: Sensor) 
 
 
 def _piezo_hysteresis(strength: float, rng: np.random.Generator, sensor: Sensor) -> Parameters:
-    return {"width": 0.1 * strength, "offset_pa": rng.uniform(80.0, 250.0)}
+    return {"width": 0.1 * strength}
 
 
 def _piezo_creep(strength: float, rng: np.random.Generator, sensor: Sensor) -> Parameters:

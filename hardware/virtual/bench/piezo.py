@@ -34,11 +34,11 @@ class WedgeMemory:
     """One-sided plays in the logarithm of pressure, spread exponentially: loading is virgin, unloading lags.
 
     A Prandtl-Ishlinskii operator (Krejci, Hysteresis, Convexity and Dissipation, 1996) in log(p + offset), so loops
-    all but close at zero pressure. ``width`` is the mean lag in log-pressure of a long unloading.
+    close at zero pressure. ``width`` is the mean lag in log-pressure of a long unloading.
     """
 
     width: float
-    offset_pa: float = 150.0
+    offset_pa: float = 1.0
     shares: tuple[float, ...] = (0.30, 0.25, 0.20, 0.15, 0.10)
     lags: tuple[float, ...] = (0.35, 0.70, 1.10, 1.60, 2.60)
 
