@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,8 +29,29 @@ from physics.sensor import Sensor
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
+SAME_PLACE_M = 1e-9
+APART_M = 0.05
 FAR = Resolution(1, Grading(cell_m=3e-3, rim_m=1e-3, growth=4.0, spread=0.7))
-"""For what contacts far apart do together."""
+"""For what contacts farther apart than ``APART_M`` do together."""
+
+
+class Rest(Protocol):
+    """The untouched sheet."""
+
+    @property
+    def pair_resistance_ohm(self) -> Array:
+        """(pairs,) ohm."""
+
+
+class Pressed(Protocol):
+    """A sheet that can be pressed: a ``PressedSheet``, or a whole skin whose presses don't depend on one another."""
+
+    @property
+    def rest(self) -> Rest:
+        """The sheet without any contact."""
+
+    def pair_resistances(self, contact_m: Array, force_n: Array, workers: int = 1) -> Array:
+        """(N,pairs) ohm under contacts (N,P,2) with forces (N,P); NaN for an absent contact."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +59,7 @@ class Level:
     """A coarse sheet for contacts at least ``apart_m`` from one another."""
 
     apart_m: float
-    sheet: PressedSheet
+    sheet: Pressed
 
 
 class TrialSolver:
@@ -49,7 +71,7 @@ class TrialSolver:
 
     def __init__(
         self,
-        fine: PressedSheet,
+        fine: Pressed,
         levels: Sequence[Level],
         places_m: Array,
         max_force_n: float,
@@ -64,8 +86,6 @@ class TrialSolver:
         self._force_n = max_force_n * (np.arange(1, forces + 1) / forces) ** 1.5
         self._rest = fine.rest.pair_resistance_ohm
         self._alone = self._responses(fine, workers)
-        for level in levels:
-            level.sheet.remember(self.places_m)
         self._correction = [self._corrections(level.sheet, workers) for level in levels]
 
     @classmethod
@@ -82,10 +102,18 @@ class TrialSolver:
         """A fine mesh, and two coarse ones for contacts nearer and farther than 50 mm from one another."""
 
         def pressed(resolution: str | Resolution, tail: float) -> PressedSheet:
-            return PressedSheet(SheetModel(sensor, resolution), pressure, law, contact_resistance_ohm, tail)
+            sheet = PressedSheet(SheetModel(sensor, resolution), pressure, law, contact_resistance_ohm, tail)
+            sheet.remember(places_m)
+            return sheet
 
-        levels = [Level(0.0, pressed("fast", 2e-4)), Level(0.05, pressed(FAR, 2e-4))]
-        return cls(pressed("fine", 0.0), levels, places_m, max_force_n, workers=workers)
+        levels = [Level(0.0, pressed("fast", 2e-4)), Level(APART_M, pressed(FAR, 2e-4))]
+        return cls(pressed("fine", 2e-5), levels, places_m, max_force_n, workers=workers)
+
+    def covers(self, contact_m: Array, force_n: Array) -> NDArray[np.bool_]:
+        """(N,) whether all contacts of a trial lie at prepared places, with forces no larger than prepared."""
+        present = np.isfinite(contact_m).all(axis=2) & (np.nan_to_num(force_n) > 0)
+        placed = self._distance2(contact_m).min(axis=2) < SAME_PLACE_M**2
+        return ((placed & (np.nan_to_num(force_n) <= self.max_force_n)) | ~present).all(axis=1)
 
     def pair_resistances(self, contact_m: Array, force_n: Array, workers: int = 1) -> Array:
         """(N,pairs) ohm under contacts (N,P,2) with forces (N,P) in newton; NaN for an absent contact.
@@ -100,7 +128,7 @@ class TrialSolver:
         for number, coarse in enumerate(self.levels):
             rows = np.flatnonzero(level == number)
 
-            def together(part: slice, rows: Indices = rows, sheet: PressedSheet = coarse.sheet) -> Array:
+            def together(part: slice, rows: Indices = rows, sheet: Pressed = coarse.sheet) -> Array:
                 return sheet.pair_resistances(contact_m[rows[part]], force_n[rows[part]])
 
             if len(rows):
@@ -109,7 +137,7 @@ class TrialSolver:
                 total[rows] = solved + correction + (self._rest - coarse.sheet.rest.pair_resistance_ohm)
         return total
 
-    def _responses(self, sheet: PressedSheet, workers: int) -> list[BSpline]:
+    def _responses(self, sheet: Pressed, workers: int) -> list[BSpline]:
         """For each place, the change of the pair resistances against force."""
         contact = np.repeat(self.places_m, len(self._force_n), axis=0)[:, None]
         force = np.tile(self._force_n, len(self.places_m))[:, None]
@@ -118,20 +146,21 @@ class TrialSolver:
         each = change.reshape(len(self.places_m), len(self._force_n), -1)
         return [make_interp_spline(nodes, np.concatenate([np.zeros((1, each.shape[2])), one]), k=3) for one in each]
 
-    def _corrections(self, sheet: PressedSheet, workers: int) -> list[BSpline]:
+    def _corrections(self, sheet: Pressed, workers: int) -> list[BSpline]:
         """What the fine mesh adds to the coarse one's response to each contact alone."""
         coarse = self._responses(sheet, workers)
         return [BSpline(f.t, f.c - c.c, f.k) for f, c in zip(self._alone, coarse, strict=True)]
 
     def _placed(self, contact_m: Array, force_n: Array) -> Indices:
         """(N,P) number of each contact's place, -1 for an absent one."""
+        if not self.covers(contact_m, force_n).all():
+            raise ValueError(f"a contact lies at a place that wasn't prepared, or presses beyond {self.max_force_n} N")
         present = np.isfinite(contact_m).all(axis=2) & (np.nan_to_num(force_n) > 0)
-        if (force_n[present] > self.max_force_n * (1 + 1e-9)).any():
-            raise ValueError(f"a force of {force_n[present].max()} N is beyond the {self.max_force_n} N prepared")
-        distance = ((np.nan_to_num(contact_m)[:, :, None] - self.places_m) ** 2).sum(axis=3)
-        if (distance.min(axis=2)[present] > 1e-18).any():
-            raise ValueError("a contact lies at a place that wasn't prepared")
-        return np.where(present, distance.argmin(axis=2), -1)
+        return np.where(present, self._distance2(contact_m).argmin(axis=2), -1)
+
+    def _distance2(self, contact_m: Array) -> Array:
+        """(N,P,C) squared distance of contacts from the prepared places."""
+        return ((np.nan_to_num(contact_m)[:, :, None] - self.places_m) ** 2).sum(axis=3)
 
     def _level(self, contact_m: Array, place: Indices) -> Indices:
         """(N,) level for each trial, -1 where one contact or none is present."""

@@ -108,3 +108,6 @@ def test_what_was_not_prepared_is_refused(solver: TrialSolver) -> None:
         solver.pair_resistances(contact + 1e-3, force)
     with pytest.raises(ValueError, match="beyond"):
         solver.pair_resistances(contact, force + 10.0)
+    np.testing.assert_array_equal(solver.covers(contact, force), [True, True])
+    force[0, 1] = 10.5
+    np.testing.assert_array_equal(solver.covers(contact, force), [False, True])
