@@ -32,6 +32,7 @@ class PlacesNetwork(Network):
 
     reads: ClassVar[Reads] = "coordinates"
     taxel_m: Tensor
+    force_unit_n: Tensor
 
     def __init__(
         self,
@@ -57,6 +58,7 @@ class PlacesNetwork(Network):
         )
         self.reach, self.threshold = reach, threshold
         self.register_buffer("taxel_m", torch.tensor(taxel_m))
+        self.register_buffer("force_unit_n", torch.ones(()))
         self.spacing_m = grid_spacing_m(np.array(taxel_m))
         self.trunk = Trunk(inputs, components, width, blocks, dropout)
         self.head = nn.Linear(width, 4 * len(taxel_m))
@@ -66,6 +68,7 @@ class PlacesNetwork(Network):
         targets = nearest_contacts(trials, np.asarray(self.taxel_m, dtype=float), self.reach * self.spacing_m)
         tensors = {name: torch.from_numpy(value).float() for name, value in targets.items()}
         tensors["offset"] /= self.spacing_m
+        self.force_unit_n.fill_(float(np.sqrt(np.nanmean(trials.force_n**2))))
         return self.trunk.prepare(protocol, trials, noise, tensors, seed)
 
     def layers_out(self, inputs: Tensor) -> tuple[Tensor, Tensor, Tensor]:
@@ -74,13 +77,16 @@ class PlacesNetwork(Network):
         return logit, nn.functional.softplus(force), offset.unflatten(1, (self._n, 2))
 
     def losses(self, inputs: Tensor, targets: dict[str, Tensor]) -> dict[str, Tensor]:
-        """Cross entropy of being the nearest; squared errors of force and place where a contact is in reach."""
+        """Cross entropy of being the nearest; squared errors of force and place where a contact is in reach.
+
+        Forces in units of their rms and places in spacings: neither outweighs the other.
+        """
         logit, force, offset = self.layers_out(inputs)
         near = targets["in_reach"]
         away = (offset - targets["offset"]).square().sum(dim=2)
         return {
             "location": nn.functional.binary_cross_entropy_with_logits(logit, targets["nearest"]),
-            "force": (near * (force - targets["force_n"]).square()).mean(),
+            "force": (near * ((force - targets["force_n"]) / self.force_unit_n).square()).mean(),
             "place": (near * away).mean(),
         }
 
