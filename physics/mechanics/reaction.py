@@ -54,7 +54,7 @@ def _column(
     source, real, time_s = lift_offs(history.time_s, pressing)
     touched = pressing[source] & real
     command = np.where(touched, depth[source], 0.0)
-    force = pad * support / (pad + support) * command
+    force = command / (1.0 / pad + 1.0 / support)
     if effects:
         relaxation = 1.0 / (1.0 + pad / support)
         for _ in range(_ROUNDS):

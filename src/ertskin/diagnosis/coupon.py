@@ -23,7 +23,9 @@ SAMPLES = 3000
 POWERS = (1.0, 2.0, 3.0, 5.0, 8.0, 12.0)
 """Powers of the strain in the elastic curve; coefficients are not negative."""
 LADDER: dict[str, FoamEffect] = {
-    "viscoelastic_foam": ViscoelasticFoam(fraction=0.2, time_s=1.0, slow_fraction=0.1, slow_time_s=60.0, remembers_air=True),
+    "viscoelastic_foam": ViscoelasticFoam(
+        fraction=0.2, time_s=1.0, slow_fraction=0.1, slow_time_s=60.0, remembers_air=True
+    ),
     "foam_hysteresis": FoamHysteresis(loss=0.05, reversal=0.2),
     "foam_softening": FoamSoftening(excess=0.1, kept=0.5, presses=1.0),
 }
@@ -63,23 +65,38 @@ def thinned(coupon: Coupon, samples: int = SAMPLES) -> CouponTest:
     sink, time_s, force = sink[good], time_s[good], force[good]
     kept = np.unique(np.linspace(0, len(sink) - 1, samples).astype(int))
     depth = sink.max()
-    low, cycle, number = False, np.zeros(len(sink), dtype=np.int64), 0
-    for k, s in enumerate(sink):
-        if low and s > 0.5 * depth:
-            number, low = number + 1, False
-        elif not low and s < 0.25 * depth:
-            low = True
-        cycle[k] = number
-    last_turn = np.flatnonzero(np.diff(cycle) != 0)
-    end = len(sink)
-    if len(last_turn) > 1:
-        lengths = np.diff(time_s[np.r_[last_turn, len(sink) - 1]])
-        slow = np.flatnonzero(lengths > 3 * np.median(lengths))
-        end = int(last_turn[slow[0]]) if len(slow) else end
-        while end < len(sink) and end > 0 and sink[end - 1] > 0.1 * depth:
-            end -= 1
-    fast = np.arange(len(sink)) < end
+    cycle = _cycles(sink, depth)
+    fast = np.arange(len(sink)) < _slow_start(time_s, sink, cycle)
     return CouponTest(time_s[kept], sink[kept], force[kept], cycle[kept], fast[kept], coupon.height_m)
+
+
+def _cycles(sink_m: Array, depth_m: float) -> NDArray[np.int64]:
+    """(N,) number of the loading cycle each sample belongs to; a new one begins where the compression is least."""
+    number, low = 0, 0
+    cycle = np.zeros(len(sink_m), dtype=np.int64)
+    waiting = False
+    for k, s in enumerate(sink_m):
+        if s < 0.25 * depth_m:
+            low = k if not waiting or s <= sink_m[low] else low
+            waiting = True
+        elif waiting and s > 0.5 * depth_m:
+            number += 1
+            cycle[low:k] = number
+            waiting = False
+        cycle[k] = number
+    return cycle
+
+
+def _slow_start(time_s: Array, sink_m: Array, cycle: NDArray[np.int64]) -> int:
+    """First sample of a last cycle that loads at less than 0.7 of the pace of those before; their number without one."""
+    pace = []
+    for number in np.unique(cycle)[1:]:
+        mine = np.flatnonzero(cycle == number)
+        top = mine[: int(np.argmax(sink_m[mine] > 0.95 * sink_m[mine].max())) + 1]
+        pace.append((sink_m[top[-1]] - sink_m[top[0]]) / max(time_s[top[-1]] - time_s[top[0]], 1e-9))
+    if len(pace) > 2 and pace[-1] < 0.7 * np.median(pace[:-1]):
+        return int(np.flatnonzero(cycle == cycle.max())[0])
+    return len(sink_m)
 
 
 @dataclass(frozen=True, eq=False)
@@ -189,7 +206,13 @@ def diagnose_coupon(coupon: Coupon, name: str) -> Findings:
     stage = "mechanics" if claims else None
     return Findings(
         Diagnosis(
-            name, verdict, held, stage=stage, depends_on=("history", "force"), claims=claims, unexplained_ratio=error / noise
+            name,
+            verdict,
+            held,
+            stage=stage,
+            depends_on=("history", "force"),
+            claims=claims,
+            unexplained_ratio=error / noise,
         )
     )
 

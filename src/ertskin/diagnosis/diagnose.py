@@ -100,14 +100,16 @@ def _diagnose(recording: Recording, name: str, report: Report, resolution: str) 
     family = SkinFamily(baseline.skin)
 
     def build(solved: Solved | None) -> VoltageProblem:
-        skin = family.skin(start, baseline.skin.effects) if solved is None else family.skin(solved.calibration, solved.effects)
+        skin = (
+            family.skin(start, baseline.skin.effects)
+            if solved is None
+            else family.skin(solved.calibration, solved.effects)
+        )
         skin = _remeshed(skin, resolution)
         linear = LinearSkin(skin, train.history, force, lambda share, text: report(None, text))
         return VoltageProblem(train, family, linear, baseline.specimen, cells, np.ones(len(train.history)))
 
-    start = Calibration(
-        baseline.skin.piezo.zero_ohm_sq, baseline.skin.contact_resistance_ohm, START_RATIO, np.zeros(5)
-    )
+    start = Calibration(baseline.skin.piezo.zero_ohm_sq, baseline.skin.contact_resistance_ohm, START_RATIO, np.zeros(5))
     fixed = [Term(effect, ()) for effect in baseline.skin.effects]
     partitions = [[int(k)] for k in np.unique(cells)]
     selection = select(build, fixed, start, partitions, report)
@@ -150,7 +152,13 @@ def _remeshed(skin: Skin, resolution: str) -> Skin:
     if np.array_equal(real.electrode_center_m, skin.sensor.electrode_center_m):
         return skin
     built = Skin.build(
-        skin.sensor, skin.protocol, skin.piezo, skin.contact_resistance_ohm, skin.support_n_per_m, skin.effects, resolution
+        skin.sensor,
+        skin.protocol,
+        skin.piezo,
+        skin.contact_resistance_ohm,
+        skin.support_n_per_m,
+        skin.effects,
+        resolution,
     )
     return replace(built, pressure=skin.pressure, pad_n_per_m=skin.pad_n_per_m)
 
@@ -200,7 +208,10 @@ def _answer(
     claims = _discounted([*claims, *force_claims], ratio_before, ratio_after)
     claims.sort(key=lambda c: -c.ratio_alone)
     force_off = force_after is not None and force_after > FORCE_MATERIAL * baseline.force_noise_n * 1.05
-    tests_before, tests_after = axis_tests(before, history, evidence.protocol), axis_tests(after, history, evidence.protocol)
+    tests_before, tests_after = (
+        axis_tests(before, history, evidence.protocol),
+        axis_tests(after, history, evidence.protocol),
+    )
     mismatch = bool(force_claims) or force_off or any(c.effect.stage == "acquisition" for c in claims)
     verdict = verdict_of(ratio_before, ratio_after, bool(claims), mismatch)
     if verdict == "explained" and force_off:
@@ -213,7 +224,10 @@ def _answer(
     lead = claims[0].effect if claims else None
     position, radius = _place_of(claims)
     electrodes = tuple(
-        int(getattr(c.effect, key)) for c in claims for key in ("electrode", "channel") if getattr(c.effect, key, -1) >= 0
+        int(getattr(c.effect, key))
+        for c in claims
+        for key in ("electrode", "channel")
+        if getattr(c.effect, key, -1) >= 0
     )
     axes = list(dict.fromkeys(a for c in claims for a in AXES_OF.get(c.effect.name, ())))
     remaining = depends_on(tests_after) if ratio_after > MATERIAL_RATIO else []
@@ -260,9 +274,7 @@ def _discounted(claims: list[Claim], before: float, after: float) -> list[Claim]
     if excess <= 0 or left <= 0:
         return claims
     share = max(0.0, 1 - left / excess)
-    return [
-        replace(c, confidence=c.confidence * (share if c.effect.stage != "mechanics" else 1.0)) for c in claims
-    ]
+    return [replace(c, confidence=c.confidence * (share if c.effect.stage != "mechanics" else 1.0)) for c in claims]
 
 
 def _voltage_claim(selection: Selection, chosen: Chosen, number: int) -> Claim:
@@ -315,7 +327,9 @@ def _force_claim(evidence: Evidence, baseline: Baseline, best: ForceFit, effect:
         k = best.names.index(f"{effect.name}.{key}")
         error = QUANTILE * float(np.sqrt(max(best.covariance[k, k], 0.0)))
         value = float(getattr(effect, key))
-        estimates[key] = Estimate(value, max(value - error, known[key].low), min(value + error, known[key].high), known[key].unit)
+        estimates[key] = Estimate(
+            value, max(value - error, known[key].low), min(value + error, known[key].high), known[key].unit
+        )
     return Claim(effect, confidence, alone, estimates, alternatives)
 
 

@@ -95,8 +95,11 @@ def _claims(claims: tuple[Claim, ...]) -> str:
             f"<td>{claim.ratio_alone:.3g}</td><td>{values}</td><td>{rivals}</td></tr>"
         )
     head = "<tr><th>effect</th><th>confidence</th><th>misfit without it</th><th>parameters, 90 %</th><th>else</th></tr>"
-    sources = "".join(f"<li>{c.effect.name}: {html.escape((type(c.effect).__doc__ or '').splitlines()[0])} "
-                      f"<i>{html.escape(c.effect.source)}</i></li>" for c in claims)
+    sources = "".join(
+        f"<li>{c.effect.name}: {html.escape((type(c.effect).__doc__ or '').splitlines()[0])} "
+        f"<i>{html.escape(c.effect.source)}</i></li>"
+        for c in claims
+    )
     return f"<h2>What is missing</h2><table>{head}{''.join(rows)}</table><ul>{sources}</ul>"
 
 
@@ -189,7 +192,9 @@ def _forces(findings: Findings) -> Figure:
     assert findings.evidence is not None and findings.held is not None
     history = findings.evidence.history[findings.held]
     force = np.nan_to_num(history.force_n).sum(axis=1)
-    for axis, residual, title in zip(axes, (findings.residual_before, findings.residual_after), ("before", "after"), strict=True):
+    for axis, residual, title in zip(
+        axes, (findings.residual_before, findings.residual_after), ("before", "after"), strict=True
+    ):
         if residual is None:
             continue
         rms = _rms(residual)
@@ -218,12 +223,16 @@ def _force_depth(findings: Findings) -> Figure:
     figure, axes = _canvas(2)
     assert findings.evidence is not None and findings.baseline is not None
     history, baseline = findings.evidence.history, findings.baseline
-    for axis, fit, title in zip(axes, (baseline.force_plain, baseline.force_best), ("linear pad", "with effects"), strict=True):
+    for axis, fit, title in zip(
+        axes, (baseline.force_plain, baseline.force_best), ("linear pad", "with effects"), strict=True
+    ):
         if fit is None:
             continue
         for phase, mark in ((1, "^"), (2, "o"), (3, "v")):
             mine = history.phase == phase
-            axis.plot(1e3 * history.depth_m[mine, 0], baseline.force_noise_n * fit.residual[mine, 0], mark, ms=3, alpha=0.5)
+            axis.plot(
+                1e3 * history.depth_m[mine, 0], baseline.force_noise_n * fit.residual[mine, 0], mark, ms=3, alpha=0.5
+            )
         axis.set(title=title, xlabel="commanded depth (mm)", ylabel="measured minus model (N)")
     return figure
 

@@ -38,9 +38,18 @@ def axis_tests(residual: Array, history: History, protocol: Protocol) -> list[Ax
     edges = np.quantile(force[touched], [0, 0.25, 0.5, 0.75, 1.0])
     band = np.clip(np.searchsorted(edges, force, side="right") - 1, 0, 3)
     quarter = np.clip((4 * np.arange(len(history))) // max(len(history), 1), 0, 3)
-    place = np.unique(np.round(np.nan_to_num(history.contact_m[:, 0], nan=-1.0), 4), axis=0, return_inverse=True)[1].ravel()
+    place = np.unique(np.round(np.nan_to_num(history.contact_m[:, 0], nan=-1.0), 4), axis=0, return_inverse=True)[
+        1
+    ].ravel()
     tests = [
-        _groups("force", energy, width, band, touched, [f"{a:.2g}-{b:.2g} N" for a, b in zip(edges, edges[1:], strict=False)]),
+        _groups(
+            "force",
+            energy,
+            width,
+            band,
+            touched,
+            [f"{a:.2g}-{b:.2g} N" for a, b in zip(edges, edges[1:], strict=False)],
+        ),
         _groups("history", energy, width, history.phase.astype(int), touched, ["rest", "loading", "hold", "unloading"]),
         _groups("time", energy, width, quarter, touched, ["first", "second", "third", "last quarter"]),
         _groups("place", energy, width, place, touched, None),
@@ -89,7 +98,10 @@ def _electrodes(residual: Array, protocol: Protocol) -> AxisTest:
     freedom = max(len(residual), 1) * 20
     score = (squares.max() - np.median(squares)) / (np.sqrt(2.0 / freedom) * max(np.median(squares), 1e-9))
     return AxisTest(
-        "electrode", tuple(str(k) for k in range(protocol.electrodes)), tuple(ratio), float(protocol.electrodes * norm.sf(score))
+        "electrode",
+        tuple(str(k) for k in range(protocol.electrodes)),
+        tuple(ratio),
+        float(protocol.electrodes * norm.sf(score)),
     )
 
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from ertskin.diagnosis.candidates import Candidate, screen
 from ertskin.diagnosis.skin_family import Calibration
 from ertskin.diagnosis.voltage_fit import Solved, Term, VoltageProblem, held_out
+from physics.effects.effect import Stage
 from physics.effects.piezo_hysteresis import PiezoHysteresis
 
 Array = NDArray[np.float64]
@@ -19,7 +20,9 @@ SIGNIFICANT = 15.0
 """Held-out gain in half chi-square that a term must reach: far above what the best of 200 null candidates gains."""
 MATERIAL = 1.03
 """A term must bring the residual's rms down by this factor of what noise alone leaves, or it isn't worth a name."""
-TRIED = 4
+TRIED = 3
+WORTH_TRYING = 0.15
+"""Least part of the best candidate's expected gain that makes another worth a fit."""
 MOST_TERMS = 5
 
 Report = Callable[[float | None, str], None]
@@ -69,7 +72,8 @@ def select(
         frames = _residual_count(problem)
         floor = MATERIAL_COST(frames, score)
         report(0.2 + 0.1 * turn, f"looking for what is missing (residual {_rms(current):.3f} of the noise)")
-        listed = [c for c in screen(problem, current, partitions) if c.gain > SIGNIFICANT]
+        found = screen(problem, current, partitions)
+        listed = _worth_trying(found)
         trials = _try(problem, current, _different(listed), partitions, score)
         rounds.append(tuple((t.name, g) for t, g, _ in trials))
         if not trials or trials[0][1] < max(SIGNIFICANT, floor):
@@ -84,7 +88,15 @@ def select(
     return Selection(before, current, chosen, problem, tuple(rounds))
 
 
-def MATERIAL_COST(frames: int, score: float) -> float:  # noqa: N802
+def _worth_trying(found: Sequence[Candidate]) -> list[Candidate]:
+    """The candidates to fit. What no resistor network explains only the instrument can: it comes before anything else."""
+    instrument = [c for c in found if c.term.effect.stage == Stage.ACQUISITION and c.gain > SIGNIFICANT]
+    if instrument:
+        return [c for c in instrument if c.gain > WORTH_TRYING * instrument[0].gain]
+    return [c for c in found if c.gain > max(SIGNIFICANT, WORTH_TRYING * found[0].gain)]
+
+
+def MATERIAL_COST(frames: int, score: float) -> float:
     """Half chi-square that a change of the rms by ``MATERIAL`` over the noise amounts to."""
     return 0.5 * frames * (MATERIAL**2 - 1) * max(1.0, 2 * score / frames) ** 0.5
 
@@ -131,7 +143,7 @@ def _try(
         reference = float(held_out(plain, partitions).sum())
     problem.reuse = True
     for candidate in candidates:
-        solved = problem.solve([*current.terms, candidate.term], current.calibration, steps=6, leftover=instrument)
+        solved = problem.solve([*current.terms, candidate.term], current.calibration, steps=4, leftover=instrument)
         gain = reference - float(held_out(solved, partitions).sum())
         results.append((solved.terms[-1], gain, solved))
     problem.reuse = False

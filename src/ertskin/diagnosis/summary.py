@@ -14,13 +14,19 @@ def print_summary(console: Console, diagnosis: Diagnosis) -> None:
     console.print(f"[bold]{diagnosis.verdict}[/bold]" + (f": {diagnosis.reason}" if diagnosis.reason else ""))
     if held.ratio_before is not None:
         after = f", with the effects below {held.ratio_after:.3f}" if diagnosis.claims else ""
-        console.print(f"misfit on presses held out, in units of the noise: {held.ratio_before:.3f}{after}", highlight=False)
+        console.print(
+            f"misfit on presses held out, in units of the noise: {held.ratio_before:.3f}{after}", highlight=False
+        )
     if held.force_before_n is not None and held.force_after_n is not None and diagnosis.claims:
-        console.print(f"force: {held.force_before_n:.3g} N off before, {held.force_after_n:.3g} N after", highlight=False)
+        console.print(
+            f"force: {held.force_before_n:.3g} N off before, {held.force_after_n:.3g} N after", highlight=False
+        )
     if not diagnosis.claims:
         return
     table = Table("effect", "confidence", "ratio without it", "parameters (90 %)")
     for claim in diagnosis.claims:
-        words = ", ".join(f"{k} {e.value:.4g} [{e.low:.4g}, {e.high:.4g}] {e.unit}" for k, e in claim.parameters.items())
+        words = ", ".join(
+            f"{k} {e.value:.4g} [{e.low:.4g}, {e.high:.4g}] {e.unit}" for k, e in claim.parameters.items()
+        )
         table.add_row(claim.effect.name, f"{claim.confidence:.2f}", f"{claim.ratio_alone:.3g}", words)
     console.print(table)

@@ -1,0 +1,142 @@
+"""The parts of a diagnosis that need no recording: least squares, claims, what is written, bad input."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import yaml
+
+from ertskin.diagnosis.any_recording import diagnose_any
+from ertskin.diagnosis.claims import Claim, Diagnosis, Estimate, HeldOut, confidences, verdict_of
+from ertskin.diagnosis.force_fit import ForceData, select_force_effects
+from ertskin.diagnosis.least_squares import Quadratic, descend
+from ertskin.diagnosis.sensitivity import Hats
+from ertskin.diagnosis.written import config_name, write_diagnosis, write_effects
+from hardware.recording import Frames, Recording
+from physics.effects.nonlinear_foam import NonlinearFoam
+from physics.effects.piezo_hysteresis import PiezoHysteresis
+from physics.effects.registry import build_effects
+from physics.effects.viscoelastic_foam import ViscoelasticFoam
+from physics.history import History
+from physics.mechanics.reaction import foam_force_n
+from physics.protocol import Protocol, electrode_pairs
+from physics.sensor import Sensor, rectangle_m
+
+
+def silent(share: float | None, text: str) -> None:
+    """No progress."""
+
+
+def test_descent_finds_a_bounded_minimum() -> None:
+    matrix, target = np.array([[2.0, 0.3], [0.1, 1.0], [0.5, 0.5]]), np.array([1.0, 5.0, 2.0])
+
+    def linearise(x):
+        wrong = target - matrix @ x
+        return Quadratic(np.array([0.5 * wrong @ wrong]), (matrix.T @ wrong)[None], (matrix.T @ matrix)[None])
+
+    low, high = np.array([-10.0, -10.0]), np.array([10.0, 3.0])
+    fit = descend(
+        linearise,
+        lambda x: float(linearise(x).cost[0]),
+        np.zeros(2),
+        low,
+        high,
+        np.zeros(2),
+        np.zeros(2),
+        tolerance=1e-12,
+    )
+    assert fit.value[1] == pytest.approx(3.0)
+    wrong = target - 3.0 * matrix[:, 1]
+    assert fit.value[0] == pytest.approx(matrix[:, 0] @ wrong / (matrix[:, 0] @ matrix[:, 0]), rel=1e-6)
+
+
+def test_hats_sum_to_one_and_reproduce_a_plane() -> None:
+    hats = Hats(np.array([0.0, 0.01]), np.array([0.05, 0.04]), 2e-3)
+    at = np.random.default_rng(1).uniform([0.0, 0.01], [0.05, 0.04], (50, 2))
+    values = hats.values(at)
+    np.testing.assert_allclose(values.sum(axis=0), 1.0)
+    np.testing.assert_allclose((values.T @ hats.node_m), at, atol=1e-12)
+
+
+def test_confidence_is_shared_with_rivals_that_fit_as_well() -> None:
+    alone, nothing = confidences((("piezo_creep", 500.0),))
+    assert alone == 0.99 and nothing == ()
+    tied, rivals = confidences((("piezo_creep", 0.0),))
+    assert tied == pytest.approx(0.5) and rivals == (("piezo_creep", 0.5),)
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "named", "expected"),
+    [
+        (1.01, 1.01, False, "no_mismatch"),
+        (1.4, 1.4, False, "unexplained"),
+        (1.4, 1.02, True, "explained"),
+        (3.0, 1.4, True, "partly_explained"),
+    ],
+)
+def test_verdicts(before: float, after: float, named: bool, expected: str) -> None:
+    assert verdict_of(before, after, named, False) == expected
+
+
+def test_written_diagnosis_keeps_the_contract_and_its_effects_build(tmp_path) -> None:
+    effect = PiezoHysteresis(width=0.15)
+    claim = Claim(effect, 0.97, 1.2, {"width": Estimate(0.15, 0.14, 0.16, "1")}, (("piezo_creep", 0.03),))
+    held = HeldOut("every third press", 0.002, 1.8, 1.01, 1e-12, 0.5, 0.02)
+    path = write_diagnosis(tmp_path, Diagnosis("a.h5", "explained", held, "piezoresistance", claims=(claim,)))
+    found = json.loads(path.read_text())
+    assert found["format"] == "ertskin-diagnosis" and found["format_version"] == 1
+    assert set(found["where"]) == {"stage", "electrodes", "position_m", "radius_m", "depends_on"}
+    assert found["effects"][0]["parameters"]["width"] == {
+        "value": 0.15,
+        "low": 0.14,
+        "high": 0.16,
+        "unit": "1",
+        "level": 0.9,
+    }
+    assert found["held_out"]["force"] == {"rmse_before_n": 0.5, "rmse_after_n": 0.02}
+    written = write_effects(tmp_path, config_name(tmp_path / "a b.h5"), (effect,), "a b.h5")
+    assert written.name == "a_b.yaml"
+    assert build_effects(yaml.safe_load(written.read_text())) == (effect,)
+
+
+def strokes(presses: int) -> History:
+    depth = np.tile(np.r_[np.nan, 0.5e-3 * np.arange(1, 9), [4e-3] * 3, 0.5e-3 * np.arange(7, 0, -1)], presses)
+    phase = np.tile(np.r_[0, np.ones(8), np.full(3, 2), np.full(7, 3)], presses).astype(np.uint8)
+    wait = np.tile(np.r_[10.0, np.full(8, 0.5), [4.0] * 3, np.full(7, 0.5)], presses)
+    press = np.repeat(np.arange(presses), 19)
+    contact = np.stack([0.02 * (press % 5), 0.02 * (press // 5)], axis=1)
+    return History(np.cumsum(wait), press, phase, contact[:, None], depth[:, None], np.full((len(depth), 1), np.nan))
+
+
+@pytest.mark.parametrize(
+    "hidden",
+    [(), (NonlinearFoam(stiffening=0.4),), (ViscoelasticFoam(fraction=0.2, time_s=4.0),)],
+    ids=["none", "stiffening", "relaxation"],
+)
+def test_force_stage_names_what_the_load_cell_shows(hidden) -> None:
+    history = strokes(9)
+    force = foam_force_n(history, 1800.0, 9000.0, 0.004, hidden)
+    force = force + 0.01 * np.random.default_rng(3).standard_normal(force.shape)
+    data = ForceData(replace(history, force_n=force), 0.01, 9000.0, 1e-3, 0.004)
+    plain, best, _ = select_force_effects(data, history.press % 3, 10.0)
+    assert tuple(e.name for e in best.effects) == tuple(e.name for e in hidden)
+    for found, true in zip(best.effects, hidden, strict=True):
+        key = next(iter(true.parameters()))
+        assert getattr(found, key) == pytest.approx(getattr(true, key), rel=0.1)
+    assert best.chi_square <= plain.chi_square
+
+
+def recording(history: History | None, voltage: np.ndarray | None) -> Recording:
+    protocol = Protocol.against_sink(electrode_pairs(5), 5, 1e-4)
+    center = np.array([[0.01, 0.01], [0.05, 0.01], [0.05, 0.05], [0.01, 0.05], [0.03, 0.03]])
+    sensor = Sensor(rectangle_m((0.06, 0.06)), 18e3, 10.0, center, np.full((5, 2), 4e-3))
+    frames = None if history is None or voltage is None else Frames(voltage, history)
+    return Recording("test", "2026-01-01T00:00:00", "", sensor, protocol, frames, None, None, None)
+
+
+def test_recording_without_anything_can_not_tell() -> None:
+    found = diagnose_any(recording(None, None), "empty.h5", silent).diagnosis
+    assert found.verdict == "cannot_tell" and found.reason

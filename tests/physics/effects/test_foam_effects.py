@@ -1,0 +1,80 @@
+"""The pad's force with foam effects, its support in series."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from physics.effects.foam_hysteresis import FoamHysteresis
+from physics.effects.foam_softening import FoamSoftening
+from physics.effects.nonlinear_foam import NonlinearFoam
+from physics.effects.viscoelastic_foam import ViscoelasticFoam
+from physics.history import History
+from physics.mechanics.reaction import foam_force_n
+
+PAD, SUPPORT, FOAM_M = 1800.0, 9000.0, 0.004
+
+
+def presses(count: int, hold_s: float = 20.0, places: int = 1) -> History:
+    """Presses that load to 4 mm in eight steps, hold, and unload, each after a rest."""
+    depth, time_s, phase, press, contact = [], [], [], [], []
+    now = 0.0
+    for k in range(count):
+        rows = [(np.nan, 0, 10.0)] + [(0.5e-3 * s, 1, 0.5) for s in range(1, 9)] + [(4e-3, 2, hold_s)]
+        rows += [(0.5e-3 * s, 3, 0.5) for s in range(7, 0, -1)]
+        for d, p, wait in rows:
+            now += wait
+            depth.append(d)
+            time_s.append(now)
+            phase.append(p)
+            press.append(k)
+            contact.append((0.02 * (k % places), 0.02))
+    empty = np.full((len(depth), 1), np.nan)
+    return History(
+        np.array(time_s),
+        np.array(press),
+        np.array(phase, dtype=np.uint8),
+        np.array(contact)[:, None],
+        np.array(depth)[:, None],
+        empty,
+    )
+
+
+def test_plain_pad_and_support_are_springs_in_series() -> None:
+    history = presses(1)
+    force = foam_force_n(history, PAD, SUPPORT, FOAM_M)[:, 0]
+    expected = np.nan_to_num(history.depth_m[:, 0]) / (1 / PAD + 1 / SUPPORT)
+    np.testing.assert_allclose(force, expected, rtol=1e-12)
+
+
+def test_stiffening_solves_the_series_exactly() -> None:
+    history = presses(1)
+    force = foam_force_n(history, PAD, SUPPORT, FOAM_M, [NonlinearFoam(stiffening=0.7)])[:, 0]
+    touched = history.touched[:, 0]
+    sink = history.depth_m[touched, 0] - force[touched] / SUPPORT
+    np.testing.assert_allclose(force[touched], PAD * sink * (1 + 0.7 * (sink / FOAM_M) ** 2), rtol=1e-5)
+
+
+def test_viscoelastic_force_relaxes_to_the_elastic_one() -> None:
+    history = presses(1, hold_s=500.0)
+    force = foam_force_n(history, PAD, SUPPORT, FOAM_M, [ViscoelasticFoam(fraction=0.3, time_s=5.0)])[:, 0]
+    plain = foam_force_n(history, PAD, SUPPORT, FOAM_M)[:, 0]
+    assert force[8] > 1.05 * plain[8]
+    assert force[9] == pytest.approx(plain[9], rel=1e-3)
+    assert force.min() >= 0
+
+
+def test_hysteresis_unloads_below_loading_and_closes() -> None:
+    history = presses(1)
+    force = foam_force_n(history, PAD, np.inf, FOAM_M, [FoamHysteresis(loss=0.1, reversal=0.1)])[:, 0]
+    plain = foam_force_n(history, PAD, np.inf, FOAM_M)[:, 0]
+    np.testing.assert_allclose(force[1:9], 1.1 * plain[1:9], rtol=1e-5)
+    np.testing.assert_allclose(force[11:], 0.9 * plain[11:], rtol=1e-5)
+
+
+def test_first_press_of_a_place_is_stiffer() -> None:
+    effect = FoamSoftening(excess=0.2, kept=1.0, presses=0.2)
+    again = foam_force_n(presses(2), PAD, np.inf, FOAM_M, [effect])[:, 0].reshape(2, -1)
+    elsewhere = foam_force_n(presses(2, places=2), PAD, np.inf, FOAM_M, [effect])[:, 0].reshape(2, -1)
+    assert again[0, 8] / again[1, 8] == pytest.approx(1.2 / (1 + 0.2 * np.exp(-5)), rel=1e-6)
+    assert elsewhere[0, 8] == pytest.approx(elsewhere[1, 8])

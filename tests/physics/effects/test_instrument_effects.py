@@ -1,0 +1,58 @@
+"""Gain, crosstalk, saturation, and what they leave that no resistor network explains."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from physics.effects.adc_saturation import AdcSaturation
+from physics.effects.channel_gain import ChannelGain
+from physics.effects.contact_pressure_dependence import ContactPressureDependence
+from physics.effects.crosstalk import Crosstalk
+from physics.effects.sheet_anisotropy import SheetAnisotropy
+from physics.effects.temperature_drift import TemperatureDrift
+from physics.protocol import Protocol, electrode_pairs
+
+PROTOCOL = Protocol.against_sink(electrode_pairs(5), 5, 1e-3)
+
+
+@pytest.fixture
+def readings():
+    return PROTOCOL.readings(np.random.default_rng(0).uniform(100, 200, (2, 10)))
+
+
+def test_gain_changes_its_channel_alone(readings) -> None:
+    changed = ChannelGain(2, gain=0.1, offset_v=0.01).distorted_v(readings, PROTOCOL)
+    np.testing.assert_allclose(changed[..., 2], 1.1 * readings[..., 2] + 0.01)
+    np.testing.assert_array_equal(np.delete(changed, 2, axis=-1), np.delete(readings, 2, axis=-1))
+    assert np.abs(PROTOCOL.split(changed)[1]).max() > 1e-4
+
+
+def test_crosstalk_keeps_part_of_the_reading_before(readings) -> None:
+    changed = Crosstalk(fraction=0.1).distorted_v(readings, PROTOCOL)
+    assert changed[0, 3, 0] == pytest.approx(0.9 * readings[0, 3, 0] + 0.1 * readings[0, 2, 4])
+    assert changed[0, 3, 2] == pytest.approx(0.9 * readings[0, 3, 2] + 0.1 * readings[0, 3, 1])
+    by_injection = Crosstalk(fraction=0.1, before="injection").distorted_v(readings, PROTOCOL)
+    assert by_injection[0, 3, 2] == pytest.approx(0.9 * readings[0, 3, 2] + 0.1 * readings[0, 2, 2])
+
+
+def test_saturation_clips(readings) -> None:
+    assert AdcSaturation(limit_v=0.1).distorted_v(readings, PROTOCOL).max() == pytest.approx(0.1)
+
+
+def test_anisotropic_tensor_has_its_ratio_and_axis() -> None:
+    effect = SheetAnisotropy(stretch_x=0.3, stretch_diagonal=0.4)
+    xx, xy, yy = effect.tensor()
+    values, vectors = np.linalg.eigh([[xx, xy], [xy, yy]])
+    assert values[1] / values[0] == pytest.approx(effect.ratio)
+    assert values.prod() == pytest.approx(1.0)
+    assert abs(vectors[:, 1] @ [np.cos(effect.angle_rad), np.sin(effect.angle_rad)]) == pytest.approx(1.0)
+
+
+def test_contacts_fall_under_pressure_and_sheet_drifts_in_time() -> None:
+    pressed = ContactPressureDependence(sensitivity_per_pa=1e-4, exponent=1.0)
+    np.testing.assert_allclose(
+        pressed.contact_resistance_ohm(np.full((1, 2), 300.0), np.array([[0.0, 1e4]]), np.zeros(1)), [[300.0, 150.0]]
+    )
+    drift = TemperatureDrift(rate_per_h=0.1).drift(np.array([5.0, 5.0 + 3600.0]))
+    np.testing.assert_allclose(drift, [1.0, np.exp(0.1)])

@@ -1,0 +1,66 @@
+"""Hysteresis, creep and inhomogeneity of the fabric."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from physics.effects.piezo_creep import PiezoCreep
+from physics.effects.piezo_hysteresis import PiezoHysteresis
+from physics.effects.piezo_inhomogeneity import PiezoInhomogeneity
+
+EXTENT = np.array([[0.0, 0.0], [0.12, 0.12]])
+NOWHERE = np.zeros((1, 2))
+
+
+def through(effect, pressure, time_s):
+    return effect.effective_pressure_pa(
+        np.asarray(pressure, dtype=float)[:, None], NOWHERE, np.asarray(time_s), EXTENT
+    )[:, 0]
+
+
+def test_hysteresis_loads_low_holds_and_unloads_high() -> None:
+    up = np.linspace(0, 1e4, 50)
+    path = np.concatenate([up, up[::-1]])
+    effective = through(PiezoHysteresis(width=0.1), path, np.arange(100.0))
+    np.testing.assert_allclose(effective[:50], 0.9 * up, atol=1e-9)
+    assert effective[55] == pytest.approx(9e3)
+    np.testing.assert_allclose(effective[-30:], 1.1 * path[-30:], atol=1e-9)
+
+
+def test_hysteresis_does_not_depend_on_the_rate() -> None:
+    path = 1e4 * np.abs(np.sin(np.linspace(0, 7, 200)))
+    effect = PiezoHysteresis(width=0.2, spread=0.5)
+    slow, fast = through(effect, path, np.arange(200.0)), through(effect, path, 0.01 * np.arange(200.0))
+    np.testing.assert_array_equal(slow, fast)
+
+
+@pytest.mark.parametrize("count", [3, 30, 300])
+def test_creep_under_constant_pressure_is_exact_for_any_step(count: int) -> None:
+    time_s = np.concatenate([[0.0, 1e-9], np.sort(np.random.default_rng(count).uniform(0.1, 40.0, count))])
+    pressure = np.concatenate([[0.0], np.full(count + 1, 5e3)])
+    effective = through(PiezoCreep(fraction=0.3, time_s=7.0), pressure, time_s)
+    expected = 5e3 * (1 + 0.3 * (1 - np.exp(-time_s[2:] / 7.0)))
+    np.testing.assert_allclose(effective[2:], expected, rtol=1e-6)
+
+
+def test_creep_forgets_in_the_air_unless_told_otherwise() -> None:
+    pressure, time_s = [0, 1e4, 1e4, 0, 1e4], [0.0, 1e-6, 50.0, 50.1, 50.100001]
+    assert through(PiezoCreep(fraction=0.5, time_s=5.0), pressure, time_s)[-1] == pytest.approx(1e4, rel=1e-3)
+    assert through(PiezoCreep(fraction=0.5, time_s=5.0, remembers_air=True), pressure, time_s)[-1] > 1.4e4
+
+
+def test_inhomogeneity_is_a_spot_on_a_slope() -> None:
+    effect = PiezoInhomogeneity(amplitude=0.4, x_m=0.02, y_m=0.1, radius_m=0.02, gradient_x=0.1)
+    at = np.array([[0.02, 0.1], [0.04, 0.1], [0.12, 0.0]])
+    slope = 0.1 * (at[:, 0] / 0.12 - 0.5)
+    spot = 0.4 * np.exp(-0.5 * np.array([0.0, 1.0, (0.1**2 + 0.1**2) / 0.02**2]))
+    np.testing.assert_allclose(effect.log_sensitivity(at, EXTENT), slope + spot, rtol=1e-12)
+
+
+def test_inhomogeneity_by_nodes_passes_through_them() -> None:
+    nodes = ((0.0, 0.1, 0.2), (0.3, 0.4, 0.5), (0.6, 0.7, 0.8))
+    at = np.array([[0.0, 0.0], [0.06, 0.06], [0.12, 0.12], [0.12, 0.0]])
+    np.testing.assert_allclose(
+        PiezoInhomogeneity(nodes=nodes).log_sensitivity(at, EXTENT), [0.0, 0.4, 0.8, 0.2], atol=1e-12
+    )
