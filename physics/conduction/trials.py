@@ -86,7 +86,7 @@ class TrialSolver:
         self._force_n = max_force_n * (np.arange(1, forces + 1) / forces) ** 1.5
         self._rest = fine.rest.pair_resistance_ohm
         self._alone = self._responses(fine, workers)
-        self._correction = [self._corrections(level.sheet, workers) for level in levels]
+        self._correction = [self._corrections(level.sheet, fine, workers) for level in levels]
 
     @classmethod
     def of(
@@ -146,9 +146,9 @@ class TrialSolver:
         each = change.reshape(len(self.places_m), len(self._force_n), -1)
         return [make_interp_spline(nodes, np.concatenate([np.zeros((1, each.shape[2])), one]), k=3) for one in each]
 
-    def _corrections(self, sheet: Pressed, workers: int) -> list[BSpline]:
+    def _corrections(self, sheet: Pressed, fine: Pressed, workers: int) -> list[BSpline]:
         """What the fine mesh adds to the coarse one's response to each contact alone."""
-        coarse = self._responses(sheet, workers)
+        coarse = self._alone if sheet is fine else self._responses(sheet, workers)
         return [BSpline(f.t, f.c - c.c, f.k) for f, c in zip(self._alone, coarse, strict=True)]
 
     def _placed(self, contact_m: Array, force_n: Array) -> Indices:

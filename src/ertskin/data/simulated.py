@@ -76,7 +76,12 @@ def simulated_trials(config: DictConfig, recording: Recording) -> SimulatedTrial
     calibration, checksum = ready_calibration(config, recording)
     taxel_m = grid_m(config.grid, calibration.sensor)
     plan = Plan(**plain(config.data.plan))
-    forward = SkinForward(calibration, recording.protocol, plain(config.effects), config.physics.resolution)
+    # Presses that land beside their taxels are all at places of their own: nothing to put them together from.
+    places_m = taxel_m if plan.jitter_m == 0 else None
+    effects = plain(config.effects)
+    forward = SkinForward(
+        calibration, recording.protocol, effects, config.physics.resolution, places_m, plan.max_force_n
+    )
     request = {"calibration": checksum, "effects": forward.effects, "resolution": forward.resolution}
     key = request_key({**request, "plan": asdict(plan), "taxel_m": taxel_m.tolist()})
     folder = Path(config.data.folder) / key

@@ -9,7 +9,9 @@ from numpy.typing import NDArray
 
 from ertskin.calibration import Calibration
 from ertskin.data.forward import PressForward
+from ertskin.data.trial_forward import TrialForward
 from ertskin.errors import UserError
+from physics.conduction.sheet import Resolution
 from physics.effects.registry import build_effects
 from physics.protocol import Protocol
 from physics.skin import Skin
@@ -18,23 +20,46 @@ Array = NDArray[np.float64]
 
 
 class SkinForward:
-    """``PressForward`` of a calibrated skin with ``effects`` ({name: {parameter: value}}), built when first asked."""
+    """Presses on a calibrated skin with ``effects`` ({name: {parameter: value}}), built when first asked.
 
-    def __init__(self, calibration: Calibration, protocol: Protocol, effects: dict[str, Any], resolution: str) -> None:
+    With ``places_m`` (C,2) presses there, up to ``max_force_n``, are put together from single ones (``TrialForward``);
+    all others are solved (``PressForward``).
+    """
+
+    def __init__(
+        self,
+        calibration: Calibration,
+        protocol: Protocol,
+        effects: dict[str, Any],
+        resolution: str,
+        places_m: Array | None = None,
+        max_force_n: float = 0.0,
+    ) -> None:
         self.calibration, self.protocol, self.effects, self.resolution = calibration, protocol, effects, resolution
-        self._built: PressForward | None = None
+        self.places_m, self.max_force_n = places_m, max_force_n
+        self._built: PressForward | TrialForward | None = None
 
     def change_ohm(self, contact_m: Array, force_n: Array) -> Array:
         """(N,P) change of the pair resistances under contacts (N,C,2) with forces (N,C), NaN for an absent one."""
         if self._built is None:
-            self._built = PressForward(skin_of(self.calibration, self.protocol, self.effects, self.resolution))
+            self._built = self._build()
         return self._built.change_ohm(contact_m, force_n)
+
+    def _build(self) -> PressForward | TrialForward:
+        if self.places_m is None:
+            return self._pressed(self.resolution)
+        return TrialForward(self._pressed, self.resolution, self.places_m, self.max_force_n)
+
+    def _pressed(self, resolution: str | Resolution) -> PressForward:
+        return PressForward(skin_of(self.calibration, self.protocol, self.effects, resolution))
 
     def __getstate__(self) -> dict[str, Any]:
         return {**self.__dict__, "_built": None}
 
 
-def skin_of(calibration: Calibration, protocol: Protocol, effects: dict[str, Any], resolution: str) -> Skin:
+def skin_of(
+    calibration: Calibration, protocol: Protocol, effects: dict[str, Any], resolution: str | Resolution
+) -> Skin:
     """The calibrated skin with its effects; ``UserError`` where the calibration lacks a part or an effect is wrong."""
     if calibration.law is None or calibration.contact_resistance_ohm is None:
         lacking = "piezoresistive law" if calibration.law is None else "contact resistances"
