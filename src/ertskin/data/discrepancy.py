@@ -37,26 +37,36 @@ class Discrepancy:
 
     @classmethod
     def fit(
-        cls, contact_m: Array, force_n: Array, residual_v: Array, covariance_v2: Array, reach_m: float
+        cls,
+        contact_m: Array,
+        force_n: Array,
+        simulated_v: Array,
+        residual_v: Array,
+        covariance_v2: Array,
+        reach_m: float,
     ) -> Discrepancy:
-        """From one-point presses: places (N,2), forces (N,), whitened residuals (N,P) in volt and their noise (P,P).
+        """From one-point presses: places (N,2), forces (N,), simulated changes (N,P), what the real ones have beyond
+        them (N,P), both whitened coordinates in volt, and the real ones' noise (P,P).
 
-        Residuals are seen in units of the noise, so that what wanders anyway isn't taken for the skin's doing. Length
-        and size of the process are those of the largest marginal likelihood, common to all places.
+        All is seen in units of the noise, so that what wanders anyway isn't taken for the skin's doing. At each place
+        only directions that matter are kept (``_directions``): noise kept in the others would be the same in every
+        trial made from it, and a network would learn to read the force off it. Length and size of the process are
+        those of the largest marginal likelihood, common to all places.
         """
         place, number = np.unique(contact_m, axis=0, return_inverse=True)
         groups = [np.flatnonzero(number.ravel() == k) for k in range(len(place))]
         least = LEAST_NOISE * np.mean(residual_v**2)
         noise = np.linalg.cholesky(covariance_v2 + least * np.eye(len(covariance_v2)))
-        in_noise = solve_triangular(noise, residual_v.T, lower=True).T
-        sets = [(force_n[rows], in_noise[rows]) for rows in groups]
+        simulated, residual = (solve_triangular(noise, v.T, lower=True).T for v in (simulated_v, residual_v))
+        bases = [_directions(simulated[rows], residual[rows]) for rows in groups]
+        sets = [(force_n[rows], residual[rows] @ basis) for rows, basis in zip(groups, bases, strict=True)]
         length, signal = max(
             ((length, signal) for length in LENGTHS for signal in SIGNALS),
             key=lambda choice: sum(_evidence(f, r, *choice) for f, r in sets),
         )
         weights = [
-            signal * cho_solve(cho_factor(signal * _kernel(f, f, length) + np.eye(len(f))), r) @ noise.T
-            for f, r in sets
+            signal * cho_solve(cho_factor(signal * _kernel(f, f, length) + np.eye(len(f))), r) @ (noise @ basis).T
+            for (f, r), basis in zip(sets, bases, strict=True)
         ]
         return cls(place, [f for f, _ in sets], weights, length, reach_m)
 
@@ -71,6 +81,19 @@ class Discrepancy:
                 found = _kernel(force_n[rows, slots], self.force_n[k], self.length) @ self.weight_v[k]
                 np.add.at(total, rows, found)
         return total
+
+
+def _directions(simulated: Array, residual: Array) -> Array:
+    """(P,d) orthonormal directions kept of one place's presses (f,P), given in units of the noise.
+
+    Those in which the simulated response itself exceeds the noise, known without error, and beyond them those in which
+    the residuals rise above the largest that noise alone would give (Marchenko-Pastur edge).
+    """
+    _, strength, own = np.linalg.svd(simulated, full_matrices=False)
+    own = own[strength > 1.0]
+    _, strength, beyond = np.linalg.svd(residual - residual @ own.T @ own, full_matrices=False)
+    edge = np.sqrt(residual.shape[1]) + np.sqrt(len(residual))
+    return np.concatenate([own, beyond[strength > edge]]).T
 
 
 def _kernel(a_n: Array, b_n: Array, length: float) -> Array:

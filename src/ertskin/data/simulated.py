@@ -117,10 +117,11 @@ def denoiser_pairs(touches: Touches, forward: Forward, taxels: int) -> TrialSet:
 
 def recorded_discrepancy(material: Material, real: Touches, changes_ohm: Array) -> Discrepancy:
     """What the one-point presses ``real`` show beyond the simulator, which says ``changes_ohm`` (N,P) of them."""
-    residual_v = real.change_v - material.protocol.whitened(changes_ohm)
+    simulated_v = material.protocol.whitened(changes_ohm)
+    residual_v = real.change_v - simulated_v
     place_m, force_n = real.history.contact_m[:, 0], real.history.force_n[:, 0]
     reach_m = OWN * spacing_m(material.taxel_m)
-    return Discrepancy.fit(place_m, force_n, residual_v, material.noise.covariance_v2, reach_m)
+    return Discrepancy.fit(place_m, force_n, simulated_v, residual_v, material.noise.covariance_v2, reach_m)
 
 
 def _corrected(material: Material, real: Touches, changes_ohm: Array) -> Material:

@@ -22,7 +22,7 @@ def presses(forces, seed=0, drift_v=0.0):
     rng = np.random.default_rng(seed)
     noise = NOISE_V * rng.standard_normal((len(force), COORDINATES))
     noise[:, 0] += drift_v * rng.standard_normal(len(force))
-    return PLACES[place], force, truth(place, force) + noise
+    return PLACES[place], force, np.outer(force, np.ones(COORDINATES)), truth(place, force) + noise
 
 
 def covariance(drift_v=0.0):
@@ -53,7 +53,15 @@ def test_several_contacts_add_up_and_absent_or_far_ones_add_nothing():
 
 
 def test_a_perfect_model_is_left_nearly_alone():
-    place, force, residual = presses(np.arange(1.0, 10.0))
+    place, force, simulated, residual = presses(np.arange(1.0, 10.0))
     number = np.repeat(np.arange(3), 9)
-    found = Discrepancy.fit(place, force, residual - truth(number, force), covariance(), REACH_M)
+    found = Discrepancy.fit(place, force, simulated, residual - truth(number, force), covariance(), REACH_M)
     assert np.sqrt(np.mean(found.of(place[:, None], force[:, None]) ** 2)) < 0.5 * NOISE_V
+
+
+def test_noise_leaves_no_mark_that_tells_the_force():
+    place, force, simulated, residual = presses(np.arange(1.0, 10.0))
+    found = Discrepancy.fit(place, force, simulated, residual, covariance(), REACH_M)
+    number = np.repeat(np.arange(3), 9)
+    error = found.of(place[:, None], force[:, None]) - truth(number, force)
+    assert np.linalg.norm(error[:9], axis=1).max() < 0.8 * NOISE_V * np.sqrt(COORDINATES)

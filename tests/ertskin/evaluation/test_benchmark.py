@@ -120,7 +120,7 @@ def test_an_unknown_yardstick_is_refused(frames):
 def test_the_corrected_forward_adds_the_discrepancy():
     places, forces = np.repeat(TAXEL_M[:1], 8, axis=0), np.linspace(1, 8, 8)
     beyond_v = 0.01 * np.log1p(forces)[:, None] * np.ones(28)
-    found = Discrepancy.fit(places, forces, beyond_v, 1e-8 * np.eye(28), 0.01)
+    found = Discrepancy.fit(places, forces, beyond_v, beyond_v, 1e-8 * np.eye(28), 0.01)
     corrected = CorrectedForward(Sheet(), found, PROTOCOL)
     contact_m, force_n = places[3:4, None], forces[3:4, None]
     added = PROTOCOL.whitened(corrected.change_ohm(contact_m, force_n) - Sheet().change_ohm(contact_m, force_n))
