@@ -4,7 +4,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 TORCH := torch==2.13.0
 
-.PHONY: setup run test lint lock
+.PHONY: setup run test lint bench lock
 
 setup: $(VENV)/.ready
 
@@ -26,6 +26,11 @@ lint: setup
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+
+# pyEIT is there for comparison only.
+bench: setup
+	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[bench]'
+	$(BIN)/python experiments/benchmarks/run.py
 
 # The versions everything was tested with, from what is installed now.
 lock: setup

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import os
 
-for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
-    os.environ[name] = "1"
+for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ[variable] = "1"
 
 import argparse  # noqa: E402
 import json  # noqa: E402
@@ -25,24 +25,32 @@ PACKAGES = ("numpy", "scipy", "numba", "pyeit")
 BEGIN, END = "<!-- results -->", "<!-- end of results -->"
 
 
-def measure(small: bool) -> dict:
-    """All results; ``small``: two meshes, few turns and few trials, for a look in a minute or two."""
+def measure(small: bool, only: str | None) -> dict:
+    """All results, or one section; ``small``: two meshes, few turns and few trials, for a look in a minute or two."""
     turns = 5 if small else 15
     sizes = (2_500, 10_000) if small else (2_500, 10_000, 40_000)
     cores = os.cpu_count() or 1
+    sections = {
+        "machine": lambda: machine(cores),
+        "frame": lambda: [told(single_frame.frame(n, turns, with_pyeit=n <= 10_000)) for n in sizes],
+        "jacobian": lambda: [told(single_frame.jacobian(n, max(3, turns // 3))) for n in sizes[:2]],
+        "electrodes": lambda: [
+            told(single_frame.electrodes(n, turns)) for n in ((16, 32) if small else (16, 24, 32, 64))
+        ],
+        "contacts": lambda: [told(trials.contacts(n, 30 if small else 200)) for n in (1, 2, 3, 4)],
+        "trials": lambda: told(trials.run(400 if small else 32_400, cores)),
+    }
+    return {name: section() for name, section in sections.items() if only in (None, name)}
+
+
+def machine(cores: int) -> dict:
+    """What it ran on."""
     return {
-        "machine": {
-            "processor": processor(),
-            "cores": cores,
-            "python": platform.python_version(),
-            **{name: version(name) for name in PACKAGES},
-            "load": os.getloadavg()[0],
-        },
-        "frame": [told(single_frame.frame(n, turns, with_pyeit=n <= 10_000)) for n in sizes],
-        "jacobian": [told(single_frame.jacobian(n, max(3, turns // 3))) for n in sizes[:2]],
-        "electrodes": [told(single_frame.electrodes(n, turns)) for n in ((16, 32) if small else (16, 24, 32, 64))],
-        "contacts": [told(trials.contacts(n, 30 if small else 200)) for n in (1, 2, 3, 4)],
-        "trials": told(trials.run(400 if small else 32_400, cores)),
+        "processor": processor(),
+        "cores": cores,
+        "python": platform.python_version(),
+        **{name: version(name) for name in PACKAGES},
+        "load": os.getloadavg()[0],
     }
 
 
@@ -62,13 +70,9 @@ def processor() -> str:
 
 def tables(results: dict) -> Iterator[str]:
     """Lines of the tables."""
-    machine = results["machine"]
-    yield f"{machine['processor']}, {machine['cores']} cores, load {machine['load']:.1f} by others at the start; "
-    yield (
-        f"Python {machine['python']}, "
-        + ", ".join(f"{n} {machine[n]}" for n in ("numpy", "scipy", "numba", "pyeit"))
-        + "."
-    )
+    host = results["machine"]
+    yield f"{host['processor']}, {host['cores']} cores, load {host['load']:.1f} by others at the start; "
+    yield f"Python {host['python']}, " + ", ".join(f"{name} {host[name]}" for name in PACKAGES) + "."
     yield "One thread, CPU milliseconds, medians; in brackets the median of the ratio to ertskin within a turn."
     yield ""
     yield "| one frame, 24 electrodes, 6,624 readings | ertskin | SciPy, factor once | pyEIT |"
@@ -145,13 +149,17 @@ def main() -> None:
     """Measure, then write table, plot and numbers; ``--small`` prints only."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--small", action="store_true", help="a look in a minute or two; writes nothing")
-    small = parser.parse_args().small
-    results = measure(small)
+    parser.add_argument("--only", metavar="SECTION", help="measure this section again and keep the others")
+    arguments = parser.parse_args()
+    store = HERE / "results.json"
+    results = measure(arguments.small, arguments.only)
+    if arguments.only and store.is_file():
+        results = {**json.loads(store.read_text()), **results}
     lines = "\n".join(tables(results))
     print(lines)
-    if small:
+    if arguments.small:
         return
-    (HERE / "results.json").write_text(json.dumps(results, indent=1) + "\n")
+    store.write_text(json.dumps(results, indent=1) + "\n")
     draw(results, HERE / "scaling.png")
     readme = HERE / "README.md"
     before, rest = readme.read_text().split(BEGIN)

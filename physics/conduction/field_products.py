@@ -11,6 +11,8 @@ from physics.conduction.triangle import Space, quadrature, shape_slopes
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
+BLOCK = 64  # quadrature points whose gradients are held at once
+
 
 def field_products(space: Space, potential: Array, elements: Indices, tensor: bool) -> Array:
     """(n,Q,C,L(L+1)/2) lower triangles of the products of L fields (N,L) in the elements (n,), in 1/m².
@@ -22,6 +24,51 @@ def field_products(space: Space, potential: Array, elements: Indices, tensor: bo
     product = np.empty((len(elements), len(slopes), 3 if tensor else 1, count * (count + 1) // 2))
     _multiply(product, elements, slopes, space.slope, space.element, np.ascontiguousarray(potential))
     return product
+
+
+def pair_losses(space: Space, potential: Array, weight_m2: Array) -> Array:
+    """(L(L-1)/2, E, Q) weight times |grad (u_i - u_j)|² for all pairs i < j of L fields (N,L)."""
+    slopes = np.ascontiguousarray(shape_slopes(space.degree, quadrature(space.degree)[0]))
+    count = potential.shape[1]
+    losses = np.empty((count * (count - 1) // 2, *weight_m2.shape))
+    flat = losses.reshape(len(losses), -1)
+    _pair_losses(flat, slopes, space.slope, space.element, np.ascontiguousarray(potential), weight_m2.ravel())
+    return losses
+
+
+@njit(cache=True, nogil=True, fastmath={"contract"})
+def _pair_losses(losses, slopes, slope, element, potential, weight):  # type: ignore[no-untyped-def]
+    points, nodes, _ = slopes.shape
+    count = potential.shape[1]
+    total = losses.shape[1]
+    gradient = np.empty((2, count, BLOCK))
+    each = np.empty((2, count))
+    for first in range(0, total, BLOCK):
+        last = min(first + BLOCK, total)
+        for n in range(first, last):
+            e, q = n // points, n % points
+            each[:] = 0.0
+            for a in range(nodes):
+                x, y = 0.0, 0.0
+                for b in range(3):
+                    x += slopes[q, a, b] * slope[e, b, 0]
+                    y += slopes[q, a, b] * slope[e, b, 1]
+                row = potential[element[e, a]]
+                for i in range(count):
+                    each[0, i] += x * row[i]
+                    each[1, i] += y * row[i]
+            root = np.sqrt(weight[n])
+            for i in range(count):
+                gradient[0, i, n - first] = root * each[0, i]
+                gradient[1, i, n - first] = root * each[1, i]
+        pair = 0
+        for i in range(count):
+            for j in range(i + 1, count):
+                xi, yi, xj, yj = gradient[0, i], gradient[1, i], gradient[0, j], gradient[1, j]
+                out = losses[pair, first:last]
+                for n in range(last - first):
+                    out[n] = (xi[n] - xj[n]) ** 2 + (yi[n] - yj[n]) ** 2
+                pair += 1
 
 
 @njit(cache=True, nogil=True, fastmath={"contract"})

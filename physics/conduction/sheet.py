@@ -22,7 +22,7 @@ from scipy.sparse import coo_array, csr_array
 from physics.conduction.assembly import ElementMatrices
 from physics.conduction.contact import Contact
 from physics.conduction.dissection import dissect
-from physics.conduction.field_products import field_products
+from physics.conduction.field_products import field_products, pair_losses
 from physics.conduction.mesh import Grading, SheetMesh, mesh_sheet
 from physics.conduction.multifrontal import FrontalFactor, Fronts
 from physics.conduction.triangle import Space
@@ -266,18 +266,8 @@ class Solution:
 
     def jacobian_conductivity(self) -> Array:
         """(P,E,Q) derivative of the pair resistances by the conductivity at each quadrature point, in ohm/siemens."""
-        count, weight = self.model.electrodes, self.model.weight_m2
-        i, j = np.triu_indices(count, 1)
-        lower = np.arange(count) * (np.arange(count) + 1) // 2
-        field = self.potential @ self.transfer_ohm
-        jacobian = np.empty((len(i), *weight.shape))
-        step = max(1, CHUNK_POINTS // weight.shape[1])
-        for first in range(0, len(weight), step):
-            elements = np.arange(first, min(first + step, len(weight)))
-            product = np.moveaxis(field_products(self.model.space, field, elements, tensor=False)[:, :, 0], -1, 0)
-            square, mixed = product[lower + np.arange(count)], product[lower[j] + i]
-            jacobian[:, elements] = (2 * mixed - square[i] - square[j]) * weight[elements]
-        return jacobian
+        losses = pair_losses(self.model.space, self.potential @ self.transfer_ohm, self.model.weight_m2)
+        return np.negative(losses, out=losses)
 
     def jacobian_contact_resistance(self) -> Array:
         """(P,L) derivative of each pair resistance by each contact resistance, dimensionless."""
