@@ -52,7 +52,7 @@ def calibration_figures(
     if fits.contacts is not None and fits.rest is not None:
         yield "contact_resistance", _contact_resistance(recording, calibration, fits, resolution)
     if error is not None:
-        taxel_m = calibration.sensor.taxel_m
+        taxel_m = calibration.known_sensor.taxel_m
         yield (
             "model_error_map",
             taxel_map(taxel_m, 1e3 * error.per_taxel_v(len(taxel_m)), "RMSE of the voltage change / mV"),

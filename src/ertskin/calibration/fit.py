@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from ertskin.calibration.result import Calibration
 from ertskin.errors import UserError
-from hardware.recording import Recording
+from hardware.recording import Coupon, Recording
 from physics.calibration.contact_resistance import ContactFit, ContactProblem, direct_search, gauss_newton
+from physics.calibration.coupon import CouponModulus, coupon_modulus
 from physics.calibration.indenter_support import IndenterSupport, indenter_support
 from physics.calibration.moduli import ErrorSurface, ModuliFit, error_surface, fit_moduli, moduli_groups, with_moduli
 from physics.calibration.rest_frames import RestScan, rest_scan
@@ -43,6 +44,7 @@ class Fits:
     rest: RestScan | None = None
     contacts: ContactFit | None = None
     contacts_searched: ContactFit | None = None
+    coupon: CouponModulus | None = None
 
 
 def fit_recording(
@@ -73,14 +75,20 @@ def fit_recording(
     if sensor is not None:
         fits = _fit_moduli(recording, sensor, fits, say)
         fits = _fit_contacts(recording, sensor, fits, method, resolution, say)
-    if fits == Fits() or sensor is None:
-        raise UserError(f"{name}: holds no rest frames with a sensor, specimen or rigid block to calibrate on")
+    if recording.coupon is not None:
+        say("modulus of the foam coupon")
+        fits = replace(fits, coupon=_fit_coupon(recording.coupon, name))
+    if all(value is None for value in vars(fits).values()):
+        raise UserError(
+            f"{name}: nothing to calibrate on: expected rest frames with a sensor, presses with depth and force, "
+            "a specimen, a rigid block or a coupon"
+        )
     return _assembled(name, sensor, fits), fits
 
 
 def single_presses(recording: Recording) -> tuple[Array, Array, NDArray[np.int64]]:
     """Depths (N,) in metre, forces (N,) in newton and press numbers (N,) of the frames with one known contact."""
-    if recording.frames is None:
+    if recording.frames is None or not recording.frames.history.contact_m.shape[1]:
         return np.zeros(0), np.zeros(0), np.zeros(0, dtype=np.int64)
     history = recording.frames.history
     depth, force = history.depth_m[:, 0], history.force_n[:, 0]
@@ -133,19 +141,30 @@ def _fit_contacts(recording: Recording, sensor: Sensor, fits: Fits, method: str,
     return replace(fits, rest=rest, contacts=best, contacts_searched=searched if newton else None)
 
 
-def _assembled(name: str, sensor: Sensor, fits: Fits) -> Calibration:
+def _fit_coupon(coupon: Coupon, name: str) -> CouponModulus:
+    try:
+        return coupon_modulus(
+            coupon.time_s, coupon.gap_m, coupon.force_n, coupon.height_m, coupon.area_m2, coupon.lateral
+        )
+    except ValueError as error:
+        raise UserError(f"{name}: foam coupon: {error}") from None
+
+
+def _assembled(name: str, sensor: Sensor | None, fits: Fits) -> Calibration:
     notes: dict[str, float] = {}
     law = None if fits.specimen is None else fits.specimen.law
     if fits.support is not None:
         notes["indenter_error_n_per_m"] = fits.support.standard_error_n_per_m
         notes["force_noise_n"] = fits.support.force_noise_n
-    if fits.moduli is not None:
+    if fits.coupon is not None:
+        notes["foam_first_loading_pa"] = fits.coupon.first_pa
+    if fits.moduli is not None and sensor is not None:
         sensor = with_moduli(sensor, moduli_groups(sensor), fits.moduli.moduli_pa)
         notes["sensor_stiffness_n_per_m"] = fits.moduli.stiffness_n_per_m
         notes["moduli_relative_error"] = fits.moduli.modulus_relative_error
     if fits.specimen is not None:
         notes["specimen_hysteresis"] = fits.specimen.hysteresis
-    if fits.contacts is not None:
+    if fits.contacts is not None and sensor is not None:
         sensor = replace(sensor, sheet_resistance_ohm_sq=fits.contacts.sheet_resistance_ohm_sq)
         notes["sheet_resistance_error_ohm_sq"] = fits.contacts.sheet_standard_error_ohm_sq
         notes["rest_residual_rms_v"] = fits.contacts.rms_after_v
@@ -157,6 +176,7 @@ def _assembled(name: str, sensor: Sensor, fits: Fits) -> Calibration:
         contact_resistance_ohm=None if fits.contacts is None else fits.contacts.contact_resistance_ohm,
         contact_resistance_error_ohm=None if fits.contacts is None else fits.contacts.standard_error_ohm,
         indenter_n_per_m=None if fits.support is None else fits.support.stiffness_n_per_m,
+        foam_modulus_pa=None if fits.coupon is None else fits.coupon.cycled_pa,
         noise_v=None if fits.rest is None or not np.isfinite(fits.rest.noise_v) else fits.rest.noise_v,
         notes=notes,
     )

@@ -45,7 +45,7 @@ def model_error(forward: SkinForward, touches: Touches) -> ModelError:
     simulated = protocol.readings(change).reshape(len(single), -1)
     measured = (single.change_v @ protocol.orthonormal.T).astype(float)
     rmse = np.sqrt(np.mean((measured - simulated) ** 2, axis=1))
-    taxel_m = forward.calibration.sensor.taxel_m
+    taxel_m = forward.calibration.known_sensor.taxel_m
     taxel = np.linalg.norm(place[:, None] - taxel_m, axis=-1).argmin(axis=1)
     deep = np.flatnonzero(force > 0.9 * force.max())
     ends = deep[[rmse[deep].argmax(), rmse[deep].argmin()]]

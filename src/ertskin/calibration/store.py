@@ -63,8 +63,9 @@ def _plain(calibration: Calibration) -> dict[str, Any]:
             "max_stress_pa": float(law.max_stress_pa),
             "coefficients": _list(law.coefficients),
         },
+        "foam_modulus_pa": _number(calibration.foam_modulus_pa),
         "notes": {name: float(value) for name, value in calibration.notes.items()},
-        "sensor": _plain_sensor(calibration.sensor),
+        "sensor": None if calibration.sensor is None else _plain_sensor(calibration.sensor),
     }
 
 
@@ -84,19 +85,24 @@ def _plain_sensor(sensor: Sensor) -> dict[str, Any]:
 
 
 def _calibration(found: dict[str, Any]) -> Calibration:
-    law, sensor = found["law"], dict(found["sensor"])
-    arrays = {name: _points(name, sensor.pop(name)) for name in _ARRAYS}
-    layers = tuple(Layer(**layer) for layer in sensor.pop("layers"))
+    law = found["law"]
     return Calibration(
         recording=str(found["recording"]),
-        sensor=Sensor(**sensor, **arrays, layers=layers),  # type: ignore[arg-type]
+        sensor=None if found["sensor"] is None else _sensor(dict(found["sensor"])),
         law=None if law is None else PiezoPolynomial(**{**law, "coefficients": np.array(law["coefficients"])}),
         contact_resistance_ohm=_vector(found["contact_resistance_ohm"]),
         contact_resistance_error_ohm=_vector(found["contact_resistance_error_ohm"]),
         indenter_n_per_m=found["indenter_n_per_m"],
         noise_v=found["noise_v"],
+        foam_modulus_pa=found.get("foam_modulus_pa"),
         notes=dict(found["notes"]),
     )
+
+
+def _sensor(found: dict[str, Any]) -> Sensor:
+    arrays = {name: _points(name, found.pop(name)) for name in _ARRAYS}
+    layers = tuple(Layer(**layer) for layer in found.pop("layers"))
+    return Sensor(**found, **arrays, layers=layers)  # type: ignore[arg-type]
 
 
 def _points(name: str, value: Any) -> np.ndarray | None:

@@ -10,6 +10,7 @@ from ertskin.calibration.fit import Fits
 from ertskin.calibration.model_error import ModelError
 from ertskin.calibration.result import Calibration
 from physics.calibration.contact_resistance import ContactFit
+from physics.calibration.rest_frames import RestScan
 
 
 def print_summary(console: Console, calibration: Calibration, fits: Fits, error: ModelError | None) -> None:
@@ -37,14 +38,27 @@ def print_summary(console: Console, calibration: Calibration, fits: Fits, error:
     for fit in (fits.contacts, fits.contacts_searched):
         if fit is not None:
             _contact_rows(table, fit)
+    if fits.coupon is not None:
+        table.add_row(
+            "foam coupon",
+            f"first loading {1e-3 * fits.coupon.first_pa:.1f} kPa, later "
+            f"{1e-3 * fits.coupon.cycled_pa:.1f} ± {1e-3 * fits.coupon.cycled_standard_error_pa:.1f} kPa, "
+            f"{fits.coupon.loadings} loadings",
+        )
     if fits.rest is not None:
-        table.add_row("noise of a reading", f"{1e3 * fits.rest.noise_v:.3f} mV over {fits.rest.frames} rest frames")
+        table.add_row("noise of a reading", _noise(fits.rest))
     if error is not None:
         table.add_row(
             "model error on presses",
             f"{1e3 * np.sqrt(np.mean(error.rmse_v**2)):.2f} mV rms over {len(error.force_n)} frames",
         )
     console.print(table)
+
+
+def _noise(rest: RestScan) -> str:
+    if not np.isfinite(rest.noise_v):
+        return "unknown: it takes two rest frames"
+    return f"{1e3 * rest.noise_v:.3f} mV over {rest.frames} rest frames"
 
 
 def _contact_rows(table: Table, fit: ContactFit) -> None:

@@ -41,7 +41,8 @@ def run(config: DictConfig) -> None:
         save_calibration(out / FILE, calibration)
         error = None
         pressed = recording.frames is not None and bool(recording.frames.history.touched.any())
-        if pressed and recording.protocol is not None and calibration.law is not None and calibration.sensor.layers:
+        layered = calibration.sensor is not None and bool(calibration.sensor.layers)
+        if pressed and layered and recording.protocol is not None and calibration.law is not None:
             say("comparing model and presses")
             forward = SkinForward(calibration, recording.protocol, {}, config.physics.resolution)
             error = model_error(forward, touches_of(recording))

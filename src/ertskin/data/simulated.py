@@ -43,7 +43,7 @@ def simulated(config: DictConfig) -> Material:
     made = simulated_trials(config, recording)
     forward, checksum = made.forward, made.checksum
     build_noise = hydra.utils.instantiate(config.noise)
-    taxel_m, protocol = grid_m(config.grid, forward.calibration.sensor), forward.protocol
+    taxel_m, protocol = grid_m(config.grid, forward.calibration.known_sensor), forward.protocol
     if recording.frames is None:
         return Material(protocol, taxel_m, made.network, build_noise(Evidence(protocol)), checksum, made.denoiser)
     touches = touches_of(recording)
@@ -74,7 +74,7 @@ def simulated_trials(config: DictConfig, recording: Recording) -> SimulatedTrial
     if recording.protocol is None:
         raise UserError(f"{config.recording}: has no /protocol, so its readings can't be simulated")
     calibration, checksum = ready_calibration(config, recording)
-    taxel_m = grid_m(config.grid, calibration.sensor)
+    taxel_m = grid_m(config.grid, calibration.known_sensor)
     plan = Plan(**plain(config.data.plan))
     # Presses that land beside their taxels are all at places of their own: nothing to put them together from.
     places_m = taxel_m if plan.jitter_m == 0 else None

@@ -64,14 +64,14 @@ def skin_of(
     if calibration.law is None or calibration.contact_resistance_ohm is None:
         lacking = "piezoresistive law" if calibration.law is None else "contact resistances"
         raise UserError(f"{calibration.recording}: its calibration has no {lacking}; the recording can't tell them")
-    if not calibration.sensor.layers:
+    if not calibration.known_sensor.layers:
         raise UserError(f"{calibration.recording}: has no layers, so pressure can't be simulated")
     try:
         built = build_effects(effects)
     except ValueError as error:
         raise UserError(str(error)) from None
     return Skin.build(
-        calibration.sensor,
+        calibration.known_sensor,
         protocol,
         calibration.law,
         calibration.contact_resistance_ohm,
