@@ -25,7 +25,8 @@ PRESS = "{contact_m: [0.03, 0.05], rest_s: 1.0, ramp: {depth_m: 1.0e-3, step_m: 
 def words(out: Path, presses: int = 1, *more: str) -> list[str]:
     """The command line for a few presses."""
     listed = f"plan.presses=[{','.join([PRESS] * presses)}]"
-    return ["record", "plan=listed", listed, f"recording={out}", f"rig.sealed={out.parent / 'sealed'}", *more]
+    rig = [f"rig.sealed={out.parent / 'sealed'}", "rig.specimen_run={steps: 5, cycles: 1}"]
+    return ["record", "plan=listed", listed, f"recording={out}", *rig, *more]
 
 
 def test_records_a_plan_into_a_sound_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
