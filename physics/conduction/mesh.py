@@ -22,6 +22,8 @@ from physics.sensor import Sensor
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
+NEAR_PADS = 16  # pads that can set the cell size at a point
+
 
 class MeshError(ValueError):
     """The outline and electrodes can't be meshed as given."""
@@ -128,12 +130,13 @@ def _mesh_with_pads(outline_m: Array, center_m: Array, size_m: Array, grading: G
     beside = np.minimum(grading.cell_m, np.array(outermost))
 
     def cell(point: Array) -> Array:
-        away = _distance_to_boxes(point, center_m, reach)
-        return np.minimum(grading.cell_m, (beside + grading.spread * away).min(axis=1))
+        box, away = _distance_to_boxes(point, center_m, reach)
+        return np.minimum(grading.cell_m, (beside[box] + grading.spread * away).min(axis=1))
 
     boundary, _ = _outline_points(outline_m, np.zeros(0), cell)
-    inside = _quadtree_points(outline_m, cell)
-    clear = (_distance_to_boxes(inside, center_m, reach) > 0.5 * beside).all(axis=1)
+    inside = _quadtree_points(outline_m, cell, grading.cell_m)
+    box, away = _distance_to_boxes(inside, center_m, reach)
+    clear = (away > 0.5 * beside[box]).all(axis=1)
     point = np.concatenate([boundary, *blocks, _clear_of(inside[clear], boundary, outline_m, cell)])
     triangle = _delaunay_inside(point, outline_m)
     pad = _covering_pad(point[triangle].mean(axis=1), center_m, half)
@@ -154,7 +157,7 @@ def _mesh_with_edges(outline_m: Array, edge_m: Array, grading: Grading) -> Sheet
         return np.minimum(grading.cell_m, grading.rim_m + grading.spread * tree.query(point)[0])
 
     boundary, arc = _outline_points(outline_m, np.concatenate([start, stop]), cell)
-    inside = _quadtree_points(outline_m, cell)
+    inside = _quadtree_points(outline_m, cell, grading.cell_m)
     point = np.concatenate([boundary, _clear_of(inside, boundary, outline_m, cell)])
     triangle = _delaunay_inside(point, outline_m)
     mesh = SheetMesh(point, triangle, np.full(len(triangle), -1), _covered_edges(arc, start, stop, outline_m))
@@ -183,15 +186,20 @@ def _block_lines(center_m: float, half_m: float, margin_m: float, grading: Gradi
     return center_m + np.unique(np.concatenate([-one_side, one_side]))
 
 
-def _distance_to_boxes(point: Array, center_m: Array, half_m: Array) -> Array:
-    """(n,L) distance of points from axis-parallel boxes, 0 inside."""
-    outside = np.maximum(np.abs(point[:, None] - center_m) - half_m, 0.0)
-    return np.hypot(outside[..., 0], outside[..., 1])
+def _distance_to_boxes(point: Array, center_m: Array, half_m: Array) -> tuple[Indices, Array]:
+    """Which axis-parallel boxes (n,k) have their centres nearest to each point, and how far they are, 0 inside."""
+    count = min(NEAR_PADS, len(center_m))
+    box = cKDTree(center_m).query(point, count)[1].reshape(len(point), count)
+    outside = np.maximum(np.abs(point[:, None] - center_m[box]) - half_m[box], 0.0)
+    return box, np.hypot(outside[..., 0], outside[..., 1])
 
 
 def _covering_pad(point: Array, center_m: Array, half_m: Array) -> Indices:
-    inside = np.all(np.abs(point[:, None] - center_m) < half_m, axis=2)
-    return np.where(inside.any(axis=1), inside.argmax(axis=1), -1)
+    """(n,) the pad a point that lies on no rim is in, or -1."""
+    box, away = _distance_to_boxes(point, center_m, half_m)
+    nearest = away.argmin(axis=1)[:, None]
+    inside = np.take_along_axis(away, nearest, axis=1)[:, 0] == 0
+    return np.where(inside, np.take_along_axis(box, nearest, axis=1)[:, 0], -1)
 
 
 def _sides(outline_m: Array) -> tuple[Array, Array, Array]:
@@ -260,12 +268,12 @@ def _on(outline_m: Array, arc: Array | float) -> Array:
     return start[side] + ((arc - corner[side]) / length[side])[:, None] * vector[side]
 
 
-def _quadtree_points(outline_m: Array, cell: Callable[[Array], Array]) -> Array:
+def _quadtree_points(outline_m: Array, cell: Callable[[Array], Array], largest_m: float) -> Array:
     """Corners of the leaves of a quadtree whose leaves are no larger than ``cell`` at their centres."""
     low, high = outline_m.min(axis=0), outline_m.max(axis=0)
     extent = high - low
     # Whole cells across both sides keep the grid in step with a rectangular outline.
-    coarse = np.ceil(extent / cell(np.zeros((1, 2)) + 0.5 * (low + high)).max()).astype(int)
+    coarse = np.ceil(extent / largest_m).astype(int)
     size = extent / coarse
     index = np.stack(np.meshgrid(*(np.arange(n) for n in coarse), indexing="ij"), axis=-1).reshape(-1, 2)
     scale, found = 1, []
