@@ -7,7 +7,8 @@ the next press; ``dry_run=true`` prints the plan and how long it takes.
 from __future__ import annotations
 
 import signal
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Iterator
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -48,10 +49,9 @@ def run(config: DictConfig) -> None:
         return
     if path.exists():
         raise RecordingError(f"{path}: found a recording already there, expected a free name (nothing was overwritten)")
-    signal.signal(signal.SIGTERM, _stop)
     start_s = _last_frame_s(path) + RESUME_GAP_S if _half_done(path) else 0.0
     try:
-        with opened(fields["rig"], sensor, protocol, start_s) as bench:
+        with _stoppable(), opened(fields["rig"], sensor, protocol, start_s) as bench:
             header = Recording(
                 str(fields["rig"]["name"]),
                 _created(fields["rig"]),
@@ -189,5 +189,15 @@ def _created(rig: dict[str, Any]) -> str:
     return "2026-01-01T00:00:00Z" if rig.get("virtual") else datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
 
 
-def _stop(_number: int, _frame: object) -> None:
-    raise KeyboardInterrupt
+@contextmanager
+def _stoppable() -> Iterator[None]:
+    """Let termination end a recording as Ctrl-C does: with the stage raised and the file closed."""
+
+    def stop(_number: int, _frame: object) -> None:
+        raise KeyboardInterrupt
+
+    before = signal.signal(signal.SIGTERM, stop)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
