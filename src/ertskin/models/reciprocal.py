@@ -9,6 +9,7 @@ from torch import Tensor, nn
 from ertskin.data.tensors import TrialTensors
 from ertskin.data.trials import TrialSet
 from ertskin.models.network import Reads
+from ertskin.models.single_touch import SingleTouch
 from ertskin.models.touch import TouchNetwork
 from ertskin.models.trunk import Trunk
 from physics.noise.model import Noise
@@ -16,7 +17,10 @@ from physics.protocol import Protocol
 
 
 class ReciprocalNetwork(TouchNetwork):
-    """Residual network with one head for the mask and one for the force; noise is drawn anew every epoch."""
+    """Residual network with one head for the mask and one for the force; noise is drawn anew every epoch.
+
+    Once trained, the force of a single touch is read off the taxel's own curve (``SingleTouch``).
+    """
 
     reads: ClassVar[Reads] = "coordinates"
 
@@ -42,10 +46,13 @@ class ReciprocalNetwork(TouchNetwork):
         )
         self.trunk = Trunk(inputs, components, width, blocks, dropout)
         self.head = nn.Linear(width, 2 * len(taxel_m))
+        self.single = SingleTouch(len(taxel_m), min(components, inputs))
 
     def prepare(self, protocol: Protocol, trials: TrialSet, noise: Noise, seed: int) -> TrialTensors:
         """Coordinates in units of the noise, and a bank of noise."""
-        return self.trunk.prepare(protocol, trials, noise, self.targets(trials), seed)
+        tensors = self.trunk.prepare(protocol, trials, noise, self.targets(trials), seed)
+        self.single.fit(trials, tensors.inputs)
+        return tensors
 
     def scaled(self, change_v: Tensor) -> Tensor:
         """(N,P) volt to units of the noise."""
@@ -53,5 +60,6 @@ class ReciprocalNetwork(TouchNetwork):
 
     def layers_out(self, inputs: Tensor) -> tuple[Tensor, Tensor]:
         """(N,n) logits and (N,n) forces in newton."""
-        logit, force = self.head(self.trunk(inputs)).chunk(2, dim=1)
-        return logit, nn.functional.softplus(force)
+        logit, raw = self.head(self.trunk(inputs)).chunk(2, dim=1)
+        force = nn.functional.softplus(raw)
+        return logit, force if self.training else self.single(inputs, logit, force, self.threshold)
