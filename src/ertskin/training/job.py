@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, cast
@@ -13,6 +15,7 @@ from omegaconf import DictConfig, OmegaConf
 
 from ertskin.data.material import Material
 from ertskin.data.shards import file_sha256
+from ertskin.errors import UserError
 from ertskin.evaluation.predictions import as_plain
 from ertskin.models.reconstruction import Reconstruction
 from ertskin.tracking.model import log_model
@@ -102,6 +105,13 @@ def _done(folder: Path, tracking: TrackingSettings, key: str) -> Job | None:
     if not ((folder / DONE).is_file() and (folder / MODEL).is_file()):
         return None
     content: dict[str, Any] = json.loads((folder / DONE).read_text(encoding="utf-8"))
+    try:
+        Reconstruction.load(folder / MODEL)
+    except UserError as error:
+        # Its checkpoints are of that version too: nothing of it can be gone on from.
+        print(f"training anew: {error}", file=sys.stderr, flush=True)
+        shutil.rmtree(folder)
+        return None
     if finished_run(tracking, key) != content["run_id"]:
         return None
     return Job(folder, content["run_id"], folder / MODEL, content["metrics"], skipped=True)
