@@ -11,8 +11,8 @@ from ertskin.report.page import Row, Table
 from ertskin.report.units import METRICS
 
 CAPTION = (
-    "Large: mean over the seeds. Below: mean ± standard deviation over the taxels, then the range over the seeds of "
-    "methods trained more than once. A hit is exact: the set of taxels declared equals the true one. Force is read at "
+    "Large: mean over the seeds. Below: mean ± standard deviation over the taxels, then the range over the seeds "
+    "where they differ. A hit is exact: the set of taxels declared equals the true one. Force is read at "
     "the taxel truly touched; a missed contact counts as 0 N. After the ± the paper gives its own spread."
 )
 
@@ -21,7 +21,7 @@ def method_table(methods: Sequence[MethodResult]) -> Table:
     """A line for the paper, then one for each method; a column for each metric that some method has."""
     names = metric_names(methods)
     heads = ("method", *(METRICS[name].label for name in names))
-    rows = [Row((("paper", "as published, on its own sensor"), *map(_paper_cell, names)), "paper")]
+    rows = [Row((("as published", "the paper, on its own sensor"), *map(_paper_cell, names)), "paper")]
     rows += [
         Row(((method.name, method.note), *(_cell(method, name) for name in names)), method.kind) for method in methods
     ]
@@ -44,6 +44,7 @@ def _cell(method: MethodResult, name: str) -> tuple[str, str]:
     scores = [run.scores[name] for run in method.runs if name in run.scores]
     mean, spread = np.mean([[score.taxel_mean, score.taxel_spread] for score in scores], axis=0)
     small = f"{metric.text(mean)} ± {metric.text(spread)}" if np.isfinite(mean) else ""
-    if len(values) > 1:
-        small += f"\nseeds {metric.text(values.min())} to {metric.text(values.max())}"
+    low, high = metric.text(float(values.min())), metric.text(float(values.max()))
+    if low != high:
+        small += f"\nseeds {low} to {high}"
     return metric.text(float(values.mean())), small.strip()

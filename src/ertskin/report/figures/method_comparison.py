@@ -29,7 +29,7 @@ def method_comparison(
         axes.plot([value.min(), value.max()], [y, y], lw=0.9, color=colour)
     if paper is not None:
         axes.axvline(paper, color=ORANGE, lw=0.9, ls="--")
-        axes.text(paper, len(names) - 0.45, "paper", color=ORANGE, fontsize=7, ha="center", va="bottom")
+        axes.text(paper, len(names) - 0.45, "published", color=ORANGE, fontsize=7, ha="center", va="bottom")
     axes.set_yticks(place, names)
     axes.set_ylim(-0.6, len(names) - 0.3)
     axes.grid(axis="y", color=FAINT, lw=0.4)

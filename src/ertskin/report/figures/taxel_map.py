@@ -48,6 +48,10 @@ def draw_taxels(
     return squares
 
 
+ROUNDING = 1e-9
+"""What is less than this, in any unit shown, is zero."""
+
+
 @styled
 def taxel_map(
     taxel_m: Array,
@@ -62,7 +66,7 @@ def taxel_map(
     figure, (axes,) = panels(width=4.4, height=3.7)
     known = value[np.isfinite(value)]
     top = float(known.max()) if known.size else 1.0
-    squares = draw_taxels(axes, taxel_m, value, limits or (0.0, top if top > 0 else 1.0), colours, form)
+    squares = draw_taxels(axes, taxel_m, value, limits or (0.0, top if top > ROUNDING else 1.0), colours, form)
     axes.set_xlabel("x / mm")
     axes.set_ylabel("y / mm")
     axes.set_title(title)
