@@ -10,7 +10,6 @@ from __future__ import annotations
 import json
 import os
 import sys
-import time
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
@@ -59,10 +58,8 @@ def study(touches: SkinTouches, name: str, out: Path) -> dict[str, Any]:
         "kernel ridge": [kernel_ridge.predict(touches, setting)],
         "network ensemble": [],
     }
-    began = time.perf_counter()
     for seed in SEEDS:
         said["network ensemble"].append(network(touches, chosen, seed))
-    seconds = (time.perf_counter() - began) / len(SEEDS)
     numbers = {method: summary(answers, touches) for method, answers in said.items()}
     errors = {method: errors_mm(answers[0], truth_mm) for method, answers in said.items()}
     write(out / f"{name}_errors.png", png(error_distribution(errors)))
@@ -70,7 +67,7 @@ def study(touches: SkinTouches, name: str, out: Path) -> dict[str, Any]:
     return {
         "methods": numbers,
         "kernel_ridge": {"setting": asdict(setting), "tuning_mm": tuning_mm, "settings_tried": tried},
-        "network": {"settings": asdict(chosen), "tuning_mm": network_tuning_mm, "seconds_to_train": seconds},
+        "network": {"settings": asdict(chosen), "tuning_mm": network_tuning_mm},
     }
 
 
