@@ -101,7 +101,7 @@ class Skin:
     # mechanics -----------------------------------------------------------------------------------------------------
 
     def force_n(self, history: History, depth_m: Array | None = None) -> Array:
-        """(T,P) force in newton predicted from the commanded depth (or from ``depth_m`` (T,P)), foam effects included."""
+        """(T,P) force in newton from the commanded depth (or from ``depth_m`` (T,P)), foam effects included."""
         foam_m = self.sensor.layers[0].thickness_m
         foam = _of(self.effects, FoamEffect)
         return foam_force_n(history, self.pad_n_per_m, self.support_n_per_m, foam_m, foam, depth_m)
@@ -183,7 +183,7 @@ class Skin:
     def pressed_conductance_s(
         self, time_s: Array, contact_m: Array, force_n: Array, rows: NDArray[np.intp]
     ) -> tuple[NDArray[np.intp], Array]:
-        """Quadrature points (n,) within reach of the contacts of frames ``rows`` (m,), which share their contacts, and the
+        """Quadrature points (n,) within reach of the contacts of frames ``rows`` (m,), which share them, and the
         conductance (m,n) or (m,n,3) there; earlier and later frames that reach the same points count in."""
         spots = contact_m[rows[0]][_present(contact_m, force_n)[rows].any(axis=0)]
         position = self.sheet.quadrature_m.reshape(-1, 2)
@@ -254,7 +254,7 @@ class Skin:
         return voltage
 
     def _skewed_v(self, history: History, skew: ScanSkew, force_n: Array | None) -> Array:
-        """Readings of presses that go on moving: solved at a few moments of the scan, interpolated for each injection."""
+        """Readings of presses that go on moving: solved at a few moments of a scan, interpolated between."""
         offset = np.asarray(self.protocol.injection_offset_s)
         moments = np.linspace(offset.min(), offset.max(), SKEW_NODES)
         weights = lagrange_weights(moments, offset)

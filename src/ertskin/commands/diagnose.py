@@ -1,7 +1,7 @@
 """Say what physics a recording shows that the simulator leaves out.
 
 ``recording=FILE out=DIR`` writes diagnosis.json, report.html with figures, and the effects found as a choice for
-synthesize and train; ``retrain=true test=FILE`` also says what training with them does to the metrics.
+synthesize and train: effects=NAME, NAME being the recording's.
 """
 
 from __future__ import annotations
@@ -35,11 +35,6 @@ def run(config: DictConfig) -> None:
         report(0.95, "writing the report")
         effects = tuple(claim.effect for claim in findings.diagnosis.claims)
         written = [write_effects(out, name, effects, source.name), write_effects(EFFECTS, name, effects, source.name)]
-        if config.retrain:
-            from ertskin.diagnosis.retraining import retrained
-
-            report(0.96, "training with and without what was found")
-            findings = retrained(findings, source, config.test, name)
         written.append(write_report(out, findings))
         written.append(write_diagnosis(out, findings.diagnosis))
     print_summary(console, findings.diagnosis)

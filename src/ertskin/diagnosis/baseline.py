@@ -26,7 +26,7 @@ ROUNDS = 30
 
 @dataclass(frozen=True, eq=False)
 class Baseline:
-    """``skin`` calibrated at rest, the force stage without and with its effects, forces (T,C) to drive the skin with."""
+    """``skin`` calibrated at rest, the force stage without and with its effects, forces (T,C) that drive it."""
 
     skin: Skin
     force_plain: ForceFit | None
@@ -127,7 +127,7 @@ def _driving_force(evidence: Evidence, best: ForceFit | None) -> Array:
 
 
 def _rested(skin: Skin, evidence: Evidence) -> tuple[Skin, float, tuple[Effect, ...]]:
-    """Contact resistances and sheet resistance from the rest frames by Gauss-Newton in their logarithms, and their drift."""
+    """Contact resistances and sheet resistance from the rest frames by Gauss-Newton in logarithms, and their drift."""
     protocol = evidence.protocol
     good = evidence.rest & np.isfinite(evidence.scan_v).all(axis=1)
     scans = evidence.scan_v[good]

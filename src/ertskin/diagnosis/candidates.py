@@ -1,4 +1,4 @@
-"""What could be missing: for every effect the terms a fit starts from, screened by what each would gain to first order."""
+"""What could be missing: for every effect the terms a fit starts from, screened by their gain to first order."""
 
 from __future__ import annotations
 
@@ -67,7 +67,8 @@ def _through_scans(problem: VoltageProblem, solved: Solved, partitions: Sequence
             sizes.append(size)
         extra = np.stack(specimen_columns, axis=-1) if specimen_columns else np.zeros((0, len(columns)))
         gain, value = added_gain(problem, solved, np.stack(columns, axis=-1), base, specimen, extra, partitions)
-        found.append(Candidate(finish(value), gain))
+        if np.isfinite(gain) and np.isfinite(value).all():
+            found.append(Candidate(finish(value), gain))
     return found
 
 
@@ -145,6 +146,8 @@ def _electrodes(problem: VoltageProblem, solved: Solved, partitions: Sequence[Se
         gain, value = added_gain(
             problem, solved, problem.discounted(columns), base, specimen, np.zeros((0, 2)), partitions
         )
+        if not (np.isfinite(gain) and np.isfinite(value).all()):
+            continue
         shift = np.clip(value, -5e-3, 5e-3)
         effect = ElectrodeDisplacement(electrode, float(shift[0]), float(shift[1]))
         found.append(Candidate(Term(effect, ("dx_m", "dy_m")), gain))
@@ -222,7 +225,7 @@ def added_gain(
     specimen_columns: Array,
     partitions: Sequence[Sequence[int]],
 ) -> tuple[float, Array]:
-    """Held-out gain in half chi-square, to first order, of adding columns (T,P,c) to the fit, and their coefficients."""
+    """First-order held-out gain in half chi-square of adding columns (T,P,c) to the fit, and their coefficients."""
     quadratic = solved.fit.quadratic
     added = columns.shape[-1]
     count = len(solved.fit.value)

@@ -33,7 +33,7 @@ LADDER: dict[str, FoamEffect] = {
 
 @dataclass(frozen=True, eq=False)
 class CouponTest:
-    """A test thinned to N samples: compression (N,) in metre, force (N,) in newton, which samples are the fast cycles."""
+    """A test thinned to N samples: compression (N,) in metre, force (N,) in newton, which are the fast cycles."""
 
     time_s: Array
     sink_m: Array
@@ -88,7 +88,7 @@ def _cycles(sink_m: Array, depth_m: float) -> NDArray[np.int64]:
 
 
 def _slow_start(time_s: Array, sink_m: Array, cycle: NDArray[np.int64]) -> int:
-    """First sample of a last cycle that loads at less than 0.7 of the pace of those before; their number without one."""
+    """First sample of a last cycle that loads at less than 0.7 of the usual pace; their number without one."""
     pace = []
     for number in np.unique(cycle)[1:]:
         mine = np.flatnonzero(cycle == number)
@@ -126,7 +126,7 @@ def _through(force: Array, effects: tuple[FoamEffect, ...], test: CouponTest) ->
 
 
 def fit_coupon(test: CouponTest, effects: tuple[FoamEffect, ...], rows: NDArray[np.bool_]) -> CouponModel:
-    """Fit to the samples ``rows`` (N,): effects' parameters by least squares, the elastic curve by non-negative ones."""
+    """Fit to the samples ``rows`` (N,): the effects by least squares, the elastic curve by non-negative ones."""
     keys = [(k, key) for k, e in enumerate(effects) for key in e.parameters()]
     known = [effects[k].parameters()[key] for k, key in keys]
     shapes = basis(test)
@@ -139,7 +139,7 @@ def fit_coupon(test: CouponTest, effects: tuple[FoamEffect, ...], rows: NDArray[
 
     def solved(x: Array) -> tuple[Array, Array]:
         now = built(x)
-        # Every effect is proportional to the force it acts on but for the sign of its change: curves go through one by one.
+        # Effects are all but proportional to the force they act on: the curves go through one by one.
         columns = np.stack([_through(shapes[:, p], now, test) for p in range(shapes.shape[1])], axis=1)
         elastic = nnls(columns[rows], test.force_n[rows])[0]
         return elastic, _through(shapes @ elastic, now, test)

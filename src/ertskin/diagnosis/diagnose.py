@@ -25,7 +25,7 @@ from ertskin.diagnosis.force_fit import STARTS, ForceData, ForceFit, fit_force, 
 from ertskin.diagnosis.linear_skin import LinearSkin
 from ertskin.diagnosis.residuals import AxisTest, axis_tests, depends_on
 from ertskin.diagnosis.selection import Chosen, Selection, select
-from ertskin.diagnosis.skin_family import Calibration, SkinFamily
+from ertskin.diagnosis.skin_family import SHAPE, Calibration, SkinFamily
 from ertskin.diagnosis.voltage_fit import Solved, Term, VoltageProblem
 from hardware.recording import Recording
 from physics.effects.effect import Effect, ElectrodeEffect
@@ -37,7 +37,7 @@ Array = NDArray[np.float64]
 Report = Callable[[float | None, str], None]
 
 FOLDS = 6
-START_RATIO = 0.5
+START_RATIO = 0.0
 AXES_OF = {
     "nonlinear_foam": ("force",),
     "viscoelastic_foam": ("history", "time"),
@@ -109,7 +109,9 @@ def _diagnose(recording: Recording, name: str, report: Report, resolution: str) 
         linear = LinearSkin(skin, train.history, force, lambda share, text: report(None, text))
         return VoltageProblem(train, family, linear, baseline.specimen, cells, np.ones(len(train.history)))
 
-    start = Calibration(baseline.skin.piezo.zero_ohm_sq, baseline.skin.contact_resistance_ohm, START_RATIO, np.zeros(5))
+    start = Calibration(
+        baseline.skin.piezo.zero_ohm_sq, baseline.skin.contact_resistance_ohm, START_RATIO, np.zeros(SHAPE)
+    )
     fixed = [Term(effect, ()) for effect in baseline.skin.effects]
     partitions = [[int(k)] for k in np.unique(cells)]
     selection = select(build, fixed, start, partitions, report)

@@ -1,4 +1,4 @@
-"""The force-depth stage: which foam effects the load cell shows, fitted together with the pad's and support's stiffness."""
+"""The force-depth stage: which foam effects the load cell shows, fitted with the pad's and support's stiffness."""
 
 from __future__ import annotations
 

@@ -69,12 +69,15 @@ def descend(
     damping = 1e-6
     quadratic = linearise(value)
     taken = 0
-    for taken in range(1, steps + 1):
+    while taken < steps:
+        taken += 1
         gradient = quadratic.gradient.sum(axis=0) - prior_precision * (value - prior_mean)
         hessian = quadratic.hessian.sum(axis=0) + prior
         gained = None
         for _ in range(8):
             step = bounded_step(gradient, hessian, value, low, high, damping)
+            if not np.isfinite(step).all():
+                break
             trial = np.clip(value + step, low, high)
             there = total(trial)
             if there < here:

@@ -187,7 +187,7 @@ class LinearSkin:
             self._rims.sensitivity(solution, self.protocol),
         )
 
-    # whole-sheet derivatives, on a coarser mesh: they're large only where the model is far off --------------------------
+    # whole-sheet derivatives, on a coarser mesh ----------------------------------------------------------------------
 
     @cached_property
     def sheet_hats(self) -> Hats:

@@ -24,12 +24,13 @@ Array = NDArray[np.float64]
 
 STYLE = (
     "body{font:16px/1.5 system-ui,sans-serif;max-width:60rem;margin:2rem auto;padding:0 1rem;color:#222}"
-    "table{border-collapse:collapse;margin:1rem 0}td,th{padding:.25rem .7rem;border-bottom:1px solid #ccc;text-align:left}"
+    "table{border-collapse:collapse;margin:1rem 0}"
+    "td,th{padding:.25rem .7rem;border-bottom:1px solid #ccc;text-align:left}"
     "img{max-width:100%}.verdict{font-size:1.6rem;font-weight:600}figcaption{color:#555;font-size:.9rem}"
 )
 MEANING = {
     "no_mismatch": "The simulator explains the recording to within the noise: nothing is missing.",
-    "explained": "The simulator lacks the physics named below; with it, the recording is explained to within the noise.",
+    "explained": "The simulator lacks the physics named below; with it, the recording is explained.",
     "partly_explained": "The simulator lacks the physics named below, and something else that is not named.",
     "unexplained": "The simulator misses something, and none of the known effects accounts for it.",
     "cannot_tell": "The recording can't answer.",
@@ -62,7 +63,8 @@ def page(findings: Findings) -> str:
     parts += [_tests("Where it sits after", findings.tests_after)]
     body = "\n".join(part for part in parts if part)
     title = html.escape(diagnosis.recording)
-    return f'<!doctype html><html lang="en"><meta charset="utf-8"><title>{title}</title><style>{STYLE}</style>{body}</html>\n'
+    head = f'<meta charset="utf-8"><title>{title}</title><style>{STYLE}</style>'
+    return f'<!doctype html><html lang="en">{head}{body}</html>\n'
 
 
 def _misfit(diagnosis: Diagnosis) -> str:
@@ -169,7 +171,8 @@ def _rms(residual: Array) -> Array:
 
 def _places(findings: Findings) -> Figure:
     figure, axes = _canvas(2)
-    assert findings.evidence is not None and findings.held is not None
+    assert findings.evidence is not None
+    assert findings.held is not None
     history = findings.evidence.history[findings.held]
     touched = history.touched.any(axis=1)
     pairs = [_rms(r) for r in (findings.residual_before, findings.residual_after) if r is not None]
@@ -189,7 +192,8 @@ def _places(findings: Findings) -> Figure:
 
 def _forces(findings: Findings) -> Figure:
     figure, axes = _canvas(2)
-    assert findings.evidence is not None and findings.held is not None
+    assert findings.evidence is not None
+    assert findings.held is not None
     history = findings.evidence.history[findings.held]
     force = np.nan_to_num(history.force_n).sum(axis=1)
     for axis, residual, title in zip(
@@ -221,7 +225,8 @@ def _electrodes(findings: Findings) -> Figure:
 
 def _force_depth(findings: Findings) -> Figure:
     figure, axes = _canvas(2)
-    assert findings.evidence is not None and findings.baseline is not None
+    assert findings.evidence is not None
+    assert findings.baseline is not None
     history, baseline = findings.evidence.history, findings.baseline
     for axis, fit, title in zip(
         axes, (baseline.force_plain, baseline.force_best), ("linear pad", "with effects"), strict=True

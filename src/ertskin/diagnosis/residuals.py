@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
@@ -48,7 +49,7 @@ def axis_tests(residual: Array, history: History, protocol: Protocol) -> list[Ax
             width,
             band,
             touched,
-            [f"{a:.2g}-{b:.2g} N" for a, b in zip(edges, edges[1:], strict=False)],
+            [f"{a:.2g}-{b:.2g} N" for a, b in itertools.pairwise(edges)],
         ),
         _groups("history", energy, width, history.phase.astype(int), touched, ["rest", "loading", "hold", "unloading"]),
         _groups("time", energy, width, quarter, touched, ["first", "second", "third", "last quarter"]),

@@ -89,7 +89,7 @@ def select(
 
 
 def _worth_trying(found: Sequence[Candidate]) -> list[Candidate]:
-    """The candidates to fit. What no resistor network explains only the instrument can: it comes before anything else."""
+    """The candidates to fit. What no resistor network explains only the instrument can: it comes first."""
     instrument = [c for c in found if c.term.effect.stage == Stage.ACQUISITION and c.gain > SIGNIFICANT]
     if instrument:
         return [c for c in instrument if c.gain > WORTH_TRYING * instrument[0].gain]

@@ -1,4 +1,4 @@
-"""What a small change of the sheet or of an electrode's place does to a scan, by the adjoint, in whitened coordinates."""
+"""What a small change of the sheet or of an electrode's place does to a whitened scan, by the adjoint."""
 
 from __future__ import annotations
 

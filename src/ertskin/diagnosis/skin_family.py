@@ -9,15 +9,21 @@ import numpy as np
 from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
+from physics.calibration.moduli import moduli_groups, with_moduli
 from physics.effects.effect import Effect
 from physics.mechanics.pressure import InterfacePressure
 from physics.mechanics.radial_kernel import RadialKernel
+from physics.mechanics.stiffness import sensor_stiffness_n_per_m
 from physics.piezo.polynomial import PiezoPolynomial
 from physics.sensor import Sensor
 from physics.skin import Skin
 
 Array = NDArray[np.float64]
 
+SHAPE = 9
+"""Chebyshev coefficients of the law that a fit may move: a law that is no fifth-order polynomial is no
+physics left out."""
+SIZE_STEPS = 2
 RATIO_STEP = 0.5
 """Spacing in the logarithm of the moduli's ratio at which pressure fields are computed."""
 
@@ -27,7 +33,7 @@ class Calibration:
     """What a calibration fits, apart from the force stage.
 
     ``zero_ohm_sq`` unloaded sheet resistance; ``contact_ohm`` (L,); ``log_ratio`` logarithm of the foam's modulus over
-    the rest of the pad's, against nominal; ``shape`` (5,) changes of the law's Chebyshev coefficients 1 to 5.
+    the rest of the pad's, against nominal; ``shape`` (SHAPE,) changes of the law's Chebyshev coefficients from 1 on.
     """
 
     zero_ohm_sq: float
@@ -36,13 +42,13 @@ class Calibration:
     shape: Array
 
     def vector(self) -> Array:
-        """(L+7,) numbers of order one step each: logarithms of resistances, ratio, coefficients."""
+        """(L+2+SHAPE,) numbers of order one step each: logarithms of resistances, ratio, coefficients."""
         return np.concatenate([[np.log(self.zero_ohm_sq)], np.log(self.contact_ohm), [self.log_ratio], self.shape])
 
     @classmethod
     def of(cls, vector: Array) -> Calibration:
         """The inverse of ``vector``."""
-        electrodes = len(vector) - 7
+        electrodes = len(vector) - 2 - SHAPE
         return cls(
             float(np.exp(vector[0])),
             np.exp(vector[1 : 1 + electrodes]),
@@ -52,12 +58,12 @@ class Calibration:
 
 
 class SkinFamily:
-    """Skins of one sensor for any calibration near a first one; the pressure field's dependence on the moduli is tabulated."""
+    """Skins of one sensor for any calibration near a first one; the pressure field is tabulated over the moduli."""
 
     def __init__(self, skin: Skin) -> None:
         self.first = skin
-        steps = RATIO_STEP * np.arange(-4.0, 5.0)
-        fields = [InterfacePressure.from_transform(stiffened(skin.sensor, float(s))) for s in steps]
+        steps = RATIO_STEP * np.arange(-2.0, 3.0)
+        fields = [InterfacePressure.from_transform(stiffened(skin.sensor, float(s), skin.pad_n_per_m)) for s in steps]
         self._steps = steps
         self._known: dict[float, InterfacePressure] = {}
         self._fields = fields
@@ -79,10 +85,9 @@ class SkinFamily:
     def skin(self, calibration: Calibration, effects: Sequence[Effect]) -> Skin:
         """The skin with this calibration and these effects, on the first skin's mesh."""
         law = shaped(self.first.piezo, calibration.shape).scaled(calibration.zero_ohm_sq)
-        same = calibration.log_ratio == 0.0
         return replace(
             self.first,
-            pressure=self.first.pressure if same else self.pressure(calibration.log_ratio),
+            pressure=self.pressure(calibration.log_ratio),
             piezo=law,
             contact_resistance_ohm=calibration.contact_ohm,
             effects=tuple(effects),
@@ -94,15 +99,26 @@ class SkinFamily:
         return float(self._steps[-1])
 
 
-def stiffened(sensor: Sensor, log_ratio: float) -> Sensor:
-    """The sensor with its top layer's modulus times exp(log_ratio)."""
-    top = sensor.layers[0]
-    return sensor.with_layers(**{top.name: top.youngs_modulus_pa * float(np.exp(log_ratio))})
+def stiffened(sensor: Sensor, log_ratio: float, pad_n_per_m: float) -> Sensor:
+    """The sensor with its foam's modulus times exp(log_ratio), all but the glue's scaled to the pad's stiffness.
+
+    The glue's modulus is known (paper III-B), so the pressure field depends on the others' size as well as on their
+    ratio; an unknown stiffness (NaN) leaves the size nominal.
+    """
+    groups = moduli_groups(sensor)
+    nominal = {layer.name: layer.youngs_modulus_pa for layer in sensor.layers}
+    moduli = np.array([nominal[names[0]] for names in groups.values()])
+    moduli[0] *= np.exp(log_ratio)
+    size = 1.0
+    for _ in range(SIZE_STEPS if np.isfinite(pad_n_per_m) else 0):
+        size *= pad_n_per_m / sensor_stiffness_n_per_m(with_moduli(sensor, groups, size * moduli))
+    return with_moduli(sensor, groups, size * moduli)
 
 
 def shaped(law: PiezoPolynomial, change: Array) -> PiezoPolynomial:
-    """The law with its coefficients 1 to 5 changed and its value at zero stress kept."""
-    coefficients = np.array(law.coefficients, dtype=float)
+    """The law with its coefficients from 1 on changed and its value at zero stress kept."""
+    coefficients = np.zeros(max(len(law.coefficients), 1 + len(change)))
+    coefficients[: len(law.coefficients)] = law.coefficients
     coefficients[1 : 1 + len(change)] += change
     coefficients[0] += 1.0 - chebyshev.chebval(-1.0, coefficients)
     return replace(law, coefficients=coefficients)

@@ -33,7 +33,7 @@ class SpecimenSignal:
         return cls(stress[good], value[good], specimen.time_s[order][good], noise_fraction)
 
     def residual(self, skin: Skin) -> Array:
-        """(N,) relative residuals in units of the noise; the specimen's own resistance at zero stress is fitted away."""
+        """(N,) relative residuals in units of the noise; the specimen's own value at zero stress is fitted away."""
         ratio = self.resistance_ohm_sq / self._shape(skin)
         return np.asarray((ratio / ratio.mean() - 1) / self.noise_fraction)
 

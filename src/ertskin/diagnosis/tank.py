@@ -41,7 +41,9 @@ def fit_background(recording: Recording, frame: int = 0, weight: Array | None = 
 
     ``weight`` (K,M) leaves readings out where it is 0.
     """
-    assert recording.sensor is not None and recording.protocol is not None and recording.frames is not None
+    assert recording.sensor is not None
+    assert recording.protocol is not None
+    assert recording.frames is not None
     protocol = recording.protocol
     reading = np.asarray(recording.frames.voltage_v[frame], dtype=float)
     keep = np.isfinite(reading) if weight is None else np.isfinite(reading) & (weight > 0)
@@ -85,7 +87,9 @@ def electrode_errors(background: Background, protocol: Protocol) -> Array:
 
 def diagnose_tank(recording: Recording, name: str) -> Findings:
     """Name the electrode with a standing error in the empty tank, if one stands out."""
-    assert recording.protocol is not None and recording.sensor is not None and recording.frames is not None
+    assert recording.protocol is not None
+    assert recording.sensor is not None
+    assert recording.frames is not None
     nothing = HeldOut("none", None, None, None, None)
     if not np.isfinite(recording.frames.voltage_v[0]).all():
         return Findings(
@@ -142,7 +146,8 @@ def channel_gain(background: Background, protocol: Protocol, electrode: int) -> 
 
 def reciprocity_noise_v(recording: Recording) -> float:
     """Rms in volt of what no resistor network explains of the first frame."""
-    assert recording.protocol is not None and recording.frames is not None
+    assert recording.protocol is not None
+    assert recording.frames is not None
     protocol = recording.protocol
     reading = np.asarray(recording.frames.voltage_v[0], dtype=float).ravel()
     left = reading - protocol.design @ np.linalg.lstsq(protocol.design, reading, rcond=1e-9)[0]

@@ -1,4 +1,4 @@
-"""The joint fit: calibration and effects together, on scans, leftovers and specimen, with folds for what is held out."""
+"""The joint fit: calibration and effects together, on scans, leftovers and specimen, in cells to hold out."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from ertskin.diagnosis.acquisition_signal import AcquisitionSignal, acquires
 from ertskin.diagnosis.evidence import Evidence
 from ertskin.diagnosis.least_squares import Fit, Quadratic, descend
 from ertskin.diagnosis.linear_skin import LinearSkin
-from ertskin.diagnosis.skin_family import Calibration, SkinFamily
+from ertskin.diagnosis.skin_family import SHAPE, Calibration, SkinFamily
 from ertskin.diagnosis.specimen_signal import SpecimenSignal
 from physics.effects.effect import Effect, Stage
 from physics.skin import Skin
@@ -21,6 +21,8 @@ Array = NDArray[np.float64]
 
 RATIO_PRIOR = 1.0
 SHAPE_PRIOR = 0.3
+HIGHER_PRIOR = 0.02
+"""The law's coefficients above the fifth, which the paper's polynomial hasn't."""
 LEFTOVER_FRAMES = 80
 """Frames whose non-reciprocal part is fitted; it counts as that of all."""
 
@@ -133,7 +135,7 @@ class VoltageProblem:
     # fitting -------------------------------------------------------------------------------------------------------
 
     def solve(self, terms: Sequence[Term], start: Calibration, *, steps: int = 10, leftover: bool = False) -> Solved:
-        """Best calibration and effects; ``leftover`` counts the readings' non-reciprocal part even without a term in it."""
+        """Best calibration and effects; ``leftover`` counts the non-reciprocal part even without a term in it."""
         self._always_leftover = leftover
         layout = _Layout(tuple(terms), len(start.vector()))
         begin = np.concatenate([start.vector(), *[[getattr(t.effect, k) for k in t.free] for t in terms]])
@@ -284,7 +286,7 @@ class _Layout:
 
     def bounds(self, x: Array, widest: float) -> tuple[Array, Array]:
         low, high = np.full(len(x), -np.inf), np.full(len(x), np.inf)
-        ratio = self.calibration - 6
+        ratio = self.calibration - SHAPE - 1
         low[ratio], high[ratio] = -widest, widest
         for k in range(self.calibration, len(x)):
             term, key = self._free(k)
@@ -297,6 +299,7 @@ class _Layout:
         precision = np.zeros(count)
         precision[1 + electrodes] = RATIO_PRIOR**-2
         precision[2 + electrodes : self.calibration] = SHAPE_PRIOR**-2
+        precision[7 + electrodes : self.calibration] = HIGHER_PRIOR**-2
         return np.zeros(count), precision
 
 

@@ -63,9 +63,11 @@ def test_hats_sum_to_one_and_reproduce_a_plane() -> None:
 
 def test_confidence_is_shared_with_rivals_that_fit_as_well() -> None:
     alone, nothing = confidences((("piezo_creep", 500.0),))
-    assert alone == 0.99 and nothing == ()
+    assert alone == 0.99
+    assert nothing == ()
     tied, rivals = confidences((("piezo_creep", 0.0),))
-    assert tied == pytest.approx(0.5) and rivals == (("piezo_creep", 0.5),)
+    assert tied == pytest.approx(0.5)
+    assert rivals == (("piezo_creep", 0.5),)
 
 
 @pytest.mark.parametrize(
@@ -87,7 +89,8 @@ def test_written_diagnosis_keeps_the_contract_and_its_effects_build(tmp_path) ->
     held = HeldOut("every third press", 0.002, 1.8, 1.01, 1e-12, 0.5, 0.02)
     path = write_diagnosis(tmp_path, Diagnosis("a.h5", "explained", held, "piezoresistance", claims=(claim,)))
     found = json.loads(path.read_text())
-    assert found["format"] == "ertskin-diagnosis" and found["format_version"] == 1
+    assert found["format"] == "ertskin-diagnosis"
+    assert found["format_version"] == 1
     assert set(found["where"]) == {"stage", "electrodes", "position_m", "radius_m", "depends_on"}
     assert found["effects"][0]["parameters"]["width"] == {
         "value": 0.15,
@@ -139,4 +142,5 @@ def recording(history: History | None, voltage: np.ndarray | None) -> Recording:
 
 def test_recording_without_anything_can_not_tell() -> None:
     found = diagnose_any(recording(None, None), "empty.h5", silent).diagnosis
-    assert found.verdict == "cannot_tell" and found.reason
+    assert found.verdict == "cannot_tell"
+    assert found.reason
