@@ -140,7 +140,12 @@ def draw(results: dict, path: Path) -> None:
             label=name,
         )
     right.set(xlabel="electrodes", ylabel="ms a frame, one thread", title="about 10,000 nodes")
-    for axes in (left, right):
+    for axes, ticks in (
+        (left, [row["nodes"] for row in results["frame"]]),
+        (right, [row["electrodes"] for row in results["electrodes"]]),
+    ):
+        axes.set_xticks(ticks, [f"{tick:,}" for tick in ticks])
+        axes.set_xticks([], minor=True)
         axes.grid(True, which="both", alpha=0.3)
     figure.savefig(path, dpi=120)
 
