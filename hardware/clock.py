@@ -22,6 +22,10 @@ class Clock(Protocol):
         """Wait until the file descriptor can be read (also where its other end is gone); False after the time-out."""
         ...
 
+    def opened(self, port: str) -> None:
+        """Told by a transport that it opened a port: what was on the line before is gone."""
+        ...
+
     def wrote(self, port: str, count: int) -> None:
         """Told by a transport that it put ``count`` bytes on the line: a simulated clock waits for their arrival."""
         ...
@@ -46,6 +50,9 @@ class SystemClock:
     def wait_readable(self, descriptor: int, timeout_s: float) -> bool:
         """Wait until the file descriptor can be read."""
         return bool(select.select([descriptor], [], [], max(0.0, timeout_s))[0])
+
+    def opened(self, port: str) -> None:
+        """Real bytes need no book-keeping."""
 
     def wrote(self, port: str, count: int) -> None:
         """Real bytes need no book-keeping."""

@@ -11,7 +11,7 @@ from serial.tools import list_ports
 from hardware.clock import Clock
 from hardware.failure import InstrumentError, LostContact, NoAnswer
 
-WRITE_TIMEOUT_S = 2.0
+WRITE_TIMEOUT_S = 5.0
 LONGEST_LINE = 1 << 16
 RECONNECT_S = 10.0
 """How long a line that was lost is tried again."""
@@ -24,7 +24,7 @@ class Transport(Protocol):
     clock: Clock
 
     def write(self, data: bytes) -> None:
-        """Send all of ``data``; raises ``LostContact`` or, after two seconds, ``NoAnswer``."""
+        """Send all of ``data``; raises ``LostContact`` or, after five seconds, ``NoAnswer``."""
         ...
 
     def read(self, timeout_s: float) -> bytes:
@@ -95,6 +95,7 @@ class SerialTransport:
             self._serial = serial.Serial(device, self._baud, timeout=0, write_timeout=WRITE_TIMEOUT_S, exclusive=True)
         except (serial.SerialException, OSError, ValueError) as error:
             raise LostContact(f"{self.name}: can't be opened ({_reason(error)})") from None
+        self.clock.opened(self.name)
 
     def restore(self, timeout_s: float) -> bool:
         """Where contact is lost, try to open the port anew for so long."""

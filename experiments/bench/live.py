@@ -21,7 +21,7 @@ PERCENTILES = (50, 99, 99.9)
 
 
 def main(model: Path, frames: int = 5000) -> None:
-    """Scans of the model's protocol with a change of a few noises, one after another, as the live command takes them."""
+    """Scans of the model's protocol, changed by a few noises, one after another, as the live command takes them."""
     exported = model.with_suffix(".onnx")
     reconstruction = Reconstruction.load(model)
     export_onnx(reconstruction, exported)
@@ -39,8 +39,8 @@ def main(model: Path, frames: int = 5000) -> None:
     rows = [f"| {q} % | {np.percentile(wall[10:], q):.3f} | {np.percentile(own[10:], q):.3f} |" for q in PERCENTILES]
     shape = "x".join(map(str, reconstruction.protocol.shape))
     text = [
-        f"`{type(reconstruction.network).__name__}` on scans of {shape}, {frames} frames, one thread: scan in memory to",
-        "force map and contacts.",
+        f"`{type(reconstruction.network).__name__}` on scans of {shape}, {frames} frames, one thread: scan in memory",
+        "to force map and contacts.",
         "",
         "| percentile | wall (ms) | processor (ms) |",
         "| --- | --- | --- |",

@@ -7,7 +7,7 @@ import select
 import time
 from typing import Protocol
 
-STUCK_S = 0.25
+STUCK_S = 2.0
 """Real seconds after which bytes under way count as lost."""
 
 
@@ -62,6 +62,12 @@ class VirtualClock:
         """Wait until the file descriptor can be read."""
         return self._wait(descriptor, timeout_s)
 
+    def opened(self, port: str) -> None:
+        """The host opened a line, which throws away what was on it."""
+        for device in self._devices:
+            if device.port == port:
+                self._wrote[port], self._read[port] = device.taken, device.put
+
     def wrote(self, port: str, count: int) -> None:
         """The host put ``count`` bytes on a line."""
         self._wrote[port] = self._wrote.get(port, 0) + count
@@ -99,7 +105,6 @@ class VirtualClock:
         return False
 
     def _forget_lost(self) -> None:
-        """Bytes flushed when a port was closed or opened never arrive."""
+        """Bytes that never arrived never will."""
         for device in self._devices:
-            self._wrote[device.port] = device.taken
-            self._read[device.port] = device.put
+            self.opened(device.port)

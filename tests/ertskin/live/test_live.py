@@ -106,7 +106,7 @@ def test_a_message_has_the_shapes_of_ros() -> None:
 
 def asked(url: str, method: str = "GET", **headers: str) -> str:
     request = urllib.request.Request(url, method=method, headers=headers)
-    with urllib.request.urlopen(request, timeout=5) as answer:
+    with urllib.request.urlopen(request, timeout=60) as answer:
         return str(answer.read().decode())
 
 
@@ -144,7 +144,7 @@ def test_the_stream_gives_every_listener_the_newest() -> None:
 
     threading.Thread(target=speak, daemon=True).start()
     for path in ("stream", "events"):
-        with urllib.request.urlopen(server.url + path, timeout=5) as answer:
+        with urllib.request.urlopen(server.url + path, timeout=60) as answer:
             lines = [line for line in (answer.readline().decode().strip() for _ in range(12)) if line]
         numbers = [json.loads(line.removeprefix("data: "))["frame"] for line in lines]
         assert numbers == sorted(set(numbers))

@@ -47,6 +47,10 @@ def reconstruction(kind: str) -> Reconstruction:
             PAIRS, TAXEL_M, components=16, width=24, threshold=0.3
         )
         network.trunk.whiten.fit(1e-2 * rng.normal(size=(500, PAIRS)), 1e-6 * np.eye(PAIRS))
+        if isinstance(network, ReciprocalNetwork):
+            network.single.curve.copy_(torch.randn(network.single.curve.shape).cumsum(dim=1))
+            network.single.force_n.copy_(torch.linspace(0.0, 8.0, len(network.single.force_n)))
+            network.single.known.fill_(1.0)
     for module in network.modules():
         if isinstance(module, torch.nn.BatchNorm1d):
             module.running_mean.copy_(torch.randn(module.num_features))
