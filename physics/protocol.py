@@ -107,7 +107,7 @@ class Protocol:
         return np.asarray(np.linalg.cholesky(self.design.T @ self.design).T)
 
     def readings(self, pair_resistance: Array) -> Array:
-        """(..., K, M) volt from pair resistances (..., P) in ohm; by way of the transfer matrix, a sixth of the work."""
+        """(..., K, M) volt of pair resistances (..., P) in ohm; by the transfer matrix, a sixth of the work."""
         flat = np.asarray(pair_resistance).reshape(-1, pair_resistance.shape[-1])
         potential = self.injection_current_a @ transfer_matrix(flat)
         voltage = np.matmul(self.measurement, potential.transpose(1, 2, 0))
