@@ -14,7 +14,6 @@ from physics.protocol import Protocol
 
 Targets = dict[str, Tensor]
 NOISE_ROWS = 8192
-LINEAR_TO = 10.0
 
 
 class Trunk(nn.Module):
@@ -22,8 +21,8 @@ class Trunk(nn.Module):
 
     Their strongest ``components`` enter in units of the noise, in three ways. As they are: changes of several light
     contacts nearly add up. By their direction, which hardly depends on the force. Compressed by the inverse hyperbolic
-    sine, linear up to ``LINEAR_TO`` times the noise and logarithmic above, so that a light press and a hard one are
-    both seen, and what is mostly noise hardly at all. Then ``blocks`` residual blocks.
+    sine, linear below the noise and logarithmic far above it, so that a light press and a hard one are both seen. Then
+    ``blocks`` residual blocks.
     """
 
     def __init__(self, inputs: int, components: int, width: int, blocks: int, dropout: float = 0.0) -> None:
@@ -45,9 +44,9 @@ class Trunk(nn.Module):
 
     def forward(self, whitened: Tensor) -> Tensor:
         """(N,components) in units of the noise to (N,width)."""
-        length = (LINEAR_TO**2 + whitened.square().sum(dim=1, keepdim=True)).sqrt()
+        length = (1.0 + whitened.square().sum(dim=1, keepdim=True)).sqrt()
         direction = whitened / length * whitened.shape[1] ** 0.5
-        ways = [whitened / self.whiten.strength, direction, torch.asinh(whitened / LINEAR_TO)]
+        ways = [whitened / self.whiten.strength, direction, torch.asinh(whitened)]
         features = self.enter(torch.cat(ways, dim=1))
         for block in self.blocks:
             features = features + block(features)
