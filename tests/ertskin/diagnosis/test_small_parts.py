@@ -11,6 +11,7 @@ import yaml
 
 from ertskin.diagnosis.any_recording import diagnose_any
 from ertskin.diagnosis.claims import Claim, Diagnosis, Estimate, HeldOut, confidences, verdict_of
+from ertskin.diagnosis.diagnose import _broad_ratio
 from ertskin.diagnosis.force_fit import ForceData, select_force_effects
 from ertskin.diagnosis.least_squares import Quadratic, descend
 from ertskin.diagnosis.sensitivity import Hats
@@ -144,3 +145,13 @@ def test_recording_without_anything_can_not_tell() -> None:
     found = diagnose_any(recording(None, None), "empty.h5", silent).diagnosis
     assert found.verdict == "cannot_tell"
     assert found.reason
+
+
+def test_one_corner_press_slightly_off_is_no_mismatch_but_a_torn_place_is() -> None:
+    press = np.repeat(np.arange(6), 10)
+    residual = np.random.default_rng(5).standard_normal((60, 276))
+    slightly, torn = residual.copy(), residual.copy()
+    slightly[press == 5] *= 1.5
+    torn[press == 5] *= 4.0
+    assert _broad_ratio(slightly, press) < 1.02
+    assert _broad_ratio(torn, press) > 1.5
