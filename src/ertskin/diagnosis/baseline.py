@@ -50,14 +50,14 @@ def calibrated(recording: Recording, evidence: Evidence, resolution: str = "fine
         law = fit_specimen(specimen.stress_pa, specimen.sheet_resistance_ohm_sq, specimen.time_s, specimen.cycle)
     except ValueError as error:
         raise CannotTell(f"the specimen test can't be used: {error}") from None
-    support, error = np.inf, 1e-3
+    support, share = np.inf, 1e-3
     scatter = float("nan")
     if recording.rigid_block is not None:
         found = indenter_support(recording.rigid_block.depth_m, recording.rigid_block.force_n)
         support, scatter = found.stiffness_n_per_m, found.force_noise_n
-        error = max(found.standard_error_n_per_m / found.stiffness_n_per_m, 1e-5)
+        share = max(found.standard_error_n_per_m / found.stiffness_n_per_m, 1e-5)
     noise_n = _force_noise_n(evidence, scatter)
-    plain, best = _force_stage(evidence, support, error, noise_n)
+    plain, best = _force_stage(evidence, support, share, noise_n)
     contacts = np.full(evidence.protocol.electrodes, max(evidence.sensor.contact_resistance_guess_ohm, 10.0))
     skin = Skin.build(evidence.sensor, evidence.protocol, law.law, contacts, support, (), resolution)
     skin, ratio, drift = _rested(skin, evidence)

@@ -124,8 +124,8 @@ def _diagnose(recording: Recording, name: str, report: Report, resolution: str) 
 
 def _placed(evidence: Evidence) -> NDArray[np.bool_]:
     """(T,) frames whose contacts are known, rest frames among them."""
-    known = np.isfinite(evidence.history.contact_m).all(axis=-1).any(axis=1)
-    return np.asarray(known | evidence.rest)
+    known = np.asarray(np.isfinite(evidence.history.contact_m).all(axis=-1))
+    return np.asarray(known.any(axis=1) | evidence.rest)
 
 
 def _frames(evidence: Evidence, rows: NDArray[np.intp]) -> Evidence:

@@ -30,7 +30,7 @@ class AxisTest:
 
 def axis_tests(residual: Array, history: History, protocol: Protocol) -> list[AxisTest]:
     """Tests of whitened residuals (T,P) in units of the noise along every axis, Bonferroni-corrected."""
-    touched = history.touched.any(axis=1) & residual.any(axis=1)
+    touched = np.asarray(history.touched.any(axis=1) & residual.any(axis=1))
     if not touched.any():
         return []
     energy = (residual**2).sum(axis=1)

@@ -111,8 +111,10 @@ def diagnose_tank(recording: Recording, name: str) -> Findings:
         1.4826 * float(np.median(np.abs(others - np.median(others)))), 1e-12
     )
     ratio = whole.rms_v / noise
+    claims: tuple[Claim, ...] = ()
+    electrodes: tuple[int, ...] = ()
     if stands_out < 4:
-        verdict, claims, electrodes = ("unexplained" if ratio > 1.05 else "no_mismatch"), (), ()
+        verdict = "unexplained" if ratio > 1.05 else "no_mismatch"
     else:
         gain = channel_gain(whole, protocol, best)
         effect = ChannelGain(best, gain=float(np.clip(gain, -0.49, 0.49)))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -198,7 +199,8 @@ class VoltageProblem:
         """The calibration's columns of an earlier fit of this problem: they hardly depend on the terms."""
         if self.reuse and hasattr(self, "last_columns"):
             columns, specimen = self.last_columns
-            return columns[..., : layout.calibration], specimen[:, : layout.calibration]
+            # kept in single precision: they are most of the fit's memory
+            return cast(Array, columns[..., : layout.calibration]), specimen[:, : layout.calibration]
         return None
 
     def _quadratic(
@@ -259,7 +261,7 @@ class _Layout:
     def split(self, x: Array) -> tuple[Calibration, tuple[Effect, ...]]:
         effects, k = [], self.calibration
         for term in self.terms:
-            effects.append(term.at(x[k : k + len(term.free)]))
+            effects.append(term.at(x[k : k + len(term.free)].tolist()))
             k += len(term.free)
         return Calibration.of(x[: self.calibration]), tuple(effects)
 
