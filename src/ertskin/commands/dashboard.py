@@ -14,7 +14,7 @@ from omegaconf import DictConfig
 def run(config: DictConfig) -> None:
     """Serve until interrupted."""
     from ertskin.configuration import whole_number
-    from ertskin.tracking.dashboard import experiment_url, serving, usable_port
+    from ertskin.tracking.dashboard import experiment_url, serving, usable_port, wait_until_it_ends
     from ertskin.tracking.store import experiment_id, open_store
 
     database, artifacts = Path(config.tracking.database), Path(config.tracking.artifacts)
@@ -25,4 +25,4 @@ def run(config: DictConfig) -> None:
         print(f"dashboard: {url}   (Ctrl-C ends it)", flush=True)
         if config.open:
             webbrowser.open(url)
-        server.wait()
+        wait_until_it_ends(server)

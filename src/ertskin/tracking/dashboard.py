@@ -54,6 +54,15 @@ def serving(database: Path, artifacts: Path, port: int, wait_s: float = 90.0) ->
         _end(server)
 
 
+def wait_until_it_ends(server: subprocess.Popen[bytes]) -> None:
+    """Return when the server has ended.
+
+    In short sleeps: a Ctrl-C that comes just before an endless wait for the process begins would not end that wait.
+    """
+    while server.poll() is None:
+        time.sleep(0.2)
+
+
 def _wait_until_healthy(server: subprocess.Popen[bytes], port: int, wait_s: float, log: Path) -> None:
     deadline = time.monotonic() + wait_s
     while time.monotonic() < deadline and server.poll() is None:
