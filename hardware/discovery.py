@@ -2,21 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
+from contextlib import closing
 from dataclasses import dataclass
+from typing import Any, TypeVar
 
 from serial.tools import list_ports
 
 from hardware.clock import Clock
 from hardware.ert_readers.link import identity_at
 from hardware.failure import InstrumentError
+from hardware.instrument import ErtReader, LoadCell
 from hardware.load_cells.futek import parse_futek
 from hardware.load_cells.hx711 import LAYOUTS, parse_hx711
 from hardware.load_cells.mark10 import parse_mark10
-from hardware.rig import Rig
+from hardware.rig import open_load_cell, open_reader, open_stage
 from hardware.stages.grbl import parse_status
 from hardware.stages.marlin import parse_position
 from hardware.transport import Lines, SerialTransport
+from physics.protocol import Protocol
+
+T = TypeVar("T")
 
 LISTEN_S = 2.5
 """Long enough for a board that restarts when its port is opened."""
@@ -32,28 +38,38 @@ class Answer:
     well: bool
 
 
-def ask_rig(rig: Rig) -> list[Answer]:
-    """Have every instrument of an opened rig name itself and give one value. Nothing moves."""
+def ask_rig(fields: Mapping[str, Any], protocol: Protocol, clock: Clock) -> list[Answer]:
+    """Have every instrument of a rig, described as for ``open_rig``, name itself and give one value. Nothing moves."""
     return [
-        _asked("stage", lambda: f"{rig.stage.identify()}, answers"),
-        _asked("load cell", lambda: f"{rig.load_cell.identify()}, {rig.load_cell.force(2.0).force_n:.3f} N untared"),
-        _asked("ERT reader", lambda: f"{rig.reader.identify()}, {_one_scan(rig)}"),
+        _asked("stage", lambda: open_stage(fields, clock), lambda stage: stage.identify()),
+        _asked("load cell", lambda: open_load_cell(fields, clock), _one_sample),
+        _asked(
+            "ERT reader",
+            lambda: open_reader(fields, clock, protocol.shape),
+            lambda reader: _one_scan(reader, protocol, clock),
+        ),
     ]
 
 
-def _asked(where: str, question: Callable[[], str]) -> Answer:
+def _asked(where: str, opened: Callable[[], T], question: Callable[[T], str]) -> Answer:
     try:
-        return Answer(where, question(), True)
+        with closing(opened()) as instrument:  # type: ignore[type-var]
+            return Answer(where, question(instrument), True)
     except InstrumentError as error:
         return Answer(where, str(error), False)
 
 
-def _one_scan(rig: Rig) -> str:
-    rig.reader.start()
-    rig.clock.sleep(rig.protocol.scan_s or 0.0)
-    scan = rig.reader.finish(4.0)
+def _one_sample(cell: LoadCell) -> str:
+    return f"{cell.identify()}, {cell.force(2.0).force_n:.3f} N untared"
+
+
+def _one_scan(reader: ErtReader, protocol: Protocol, clock: Clock) -> str:
+    name = reader.identify()
+    reader.start()
+    clock.sleep(protocol.scan_s or 0.0)
+    scan = reader.finish(4.0)
     injections, readings = scan.voltage_v.shape
-    return f"a scan of {injections}x{readings}, largest reading {scan.voltage_v.max():.3f} V"
+    return f"{name}, a scan of {injections}x{readings}, largest reading {scan.voltage_v.max():.3f} V"
 
 
 def ports() -> list[tuple[str, str]]:

@@ -183,6 +183,8 @@ class Experiment:
         if press.rest_frames:
             self._rest(number, press.rest_frames, contacts, plan)
         self._place_weights(press)
+        # However long that took: samples that waited meanwhile are old.
+        self._rig.load_cell.discard()
         for step in press.steps:
             self._frames(plan, number, step, press, float("nan"), contacts)
         self._place_weights(None)

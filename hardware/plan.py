@@ -16,6 +16,11 @@ WEIGHT_N = 0.5 * 9.80665
 """The paper's two-point test: weights of 500 g, placed by hand (IV-D)."""
 
 
+PERIOD_S = 0.5
+"""The paper's 2 Hz."""
+FINEST_STEP_M = 1e-4
+
+
 class PlanError(ValueError):
     """A plan that can't be carried out: one line saying which entry and why."""
 
@@ -54,11 +59,11 @@ class Press:
 
 @dataclass(frozen=True)
 class Plan:
-    """Presses in order, frames every ``period_s`` (the paper's 2 Hz)."""
+    """Presses in order, frames every ``period_s``."""
 
     name: str
     presses: tuple[Press, ...]
-    period_s: float = 0.5
+    period_s: float = PERIOD_S
     final_rest_frames: int = 1
 
     @property
@@ -134,21 +139,31 @@ def repeated(plan: Plan, times: int) -> Plan:
     return replace(plan, presses=plan.presses * times)
 
 
-def next_press_plan(next_press: Mapping[str, object], **options: float) -> Plan:
-    """The press a diagnosis asks for: ``position_m``, and what else it names (``depth_m``, ``hold_s``, ``speed_m_s``,
-    ``repeats``); raises ``PlanError`` where it names no position."""
-    place = _position(next_press.get("position_m"), "next_press: position_m")
-    wanted: dict[str, float] = dict(options)
-    if next_press.get("depth_m") is not None:
-        wanted["depth_m"] = _number(next_press["depth_m"], "next_press: depth_m")
-    hold_s = _number(next_press.get("hold_s") or 0.0, "next_press: hold_s")
-    period_s = 0.5
-    wanted.setdefault("hold_frames", max(4, round(hold_s / period_s)))
-    press = Press((place,), ramp(**wanted), rest_frames=3)  # type: ignore[arg-type]
-    if next_press.get("speed_m_s"):
-        press = replace(press, speed_m_s=_number(next_press["speed_m_s"], "next_press: speed_m_s"))
-    repeats = int(_number(next_press.get("repeats") or 1, "next_press: repeats"))
-    return Plan("next_press", (press,) * max(1, repeats), period_s)
+def plan_from_presses(presses: object, name: str = "next_press", period_s: float = PERIOD_S) -> Plan:
+    """A diagnosis's ``next_press``: the presses of its list ``press``; raises ``PlanError``.
+
+    Each entry has ``position_m`` (x, y), ``depth_m``, ``hold_s``, ``speed_m_per_s`` and ``cycles``: so many times down
+    at that speed, held, and up again, without leaving the place. A frame is taken every ``period_s`` of the way (every
+    0.1 mm where that is longer) and of the hold, and three at rest before each press.
+    """
+    if not isinstance(presses, Sequence) or isinstance(presses, str) or not presses:
+        raise PlanError("press: needs a list of presses")
+    return Plan(name, tuple(_wanted(entry, f"press[{k}]", period_s) for k, entry in enumerate(presses)), period_s)
+
+
+def _wanted(entry: object, where: str, period_s: float) -> Press:
+    known = {"position_m", "depth_m", "hold_s", "speed_m_per_s", "cycles"}
+    if not isinstance(entry, Mapping) or set(entry) != known:
+        raise PlanError(f"{where}: needs {', '.join(sorted(known))} and nothing else")
+    place = _position(entry["position_m"], f"{where}: position_m")
+    depth, hold_s, speed, cycles = (
+        _number(entry[name], f"{where}: {name}") for name in ("depth_m", "hold_s", "speed_m_per_s", "cycles")
+    )
+    if depth <= 0 or speed <= 0 or cycles < 1 or cycles != round(cycles):
+        raise PlanError(f"{where}: depth_m and speed_m_per_s must be above 0, cycles a whole number of 1 or more")
+    step = min(depth, max(speed * period_s, FINEST_STEP_M))
+    cycle = ramp(depth, step, max(1, round(hold_s / period_s)))
+    return Press((place,), cycle * round(cycles), rest_frames=3, speed_m_s=speed)
 
 
 def plan_of(fields: Mapping[str, object]) -> Plan:
@@ -161,7 +176,7 @@ def plan_of(fields: Mapping[str, object]) -> Plan:
     if not isinstance(entries, Sequence) or isinstance(entries, str) or not entries:
         raise PlanError("a plan needs a list of presses")
     presses = tuple(_press(entry, f"presses[{number}]") for number, entry in enumerate(entries))
-    period_s = _number(fields.get("period_s", 0.5), "period_s")
+    period_s = _number(fields.get("period_s", PERIOD_S), "period_s")
     if period_s <= 0:
         raise PlanError("period_s must be above 0")
     final = int(_number(fields.get("final_rest_frames", 1), "final_rest_frames"))

@@ -7,6 +7,7 @@ last whole frame.
 
 from __future__ import annotations
 
+import fcntl
 import os
 import tempfile
 from pathlib import Path
@@ -87,12 +88,12 @@ def is_unfinished(path: str | Path) -> bool:
 
 
 def _opened(path: Path) -> h5py.File:
+    if path.is_dir():
+        raise RecordingError(f"{path}: found a folder, expected a recording file")
     part = path.with_name(path.name + ".part")
     if not path.exists():
         hint = f" (a half-done recording is at {part}: record again to go on)" if part.exists() else ""
         raise RecordingError(f"{path}: found no such file, expected a recording{hint}")
-    if path.is_dir():
-        raise RecordingError(f"{path}: found a folder, expected a recording file")
     if path.stat().st_size == 0:
         raise RecordingError(f"{path}: found an empty file (0 bytes), expected a recording")
     try:
@@ -110,7 +111,23 @@ def _opened_unfinished(path: Path, reason: str) -> h5py.File:
             head = raw.read(8)
         if head != b"\x89HDF\r\n\x1a\n":
             raise RecordingError(f"{path}: found no HDF5 signature, expected an HDF5 file") from None
+        if _being_written(path, reason):
+            raise RecordingError(f"{path}: found another program writing it, expected a file it has closed") from None
+        if "already open for write" in reason:
+            raise RecordingError(f"{path}: found a file its writer never closed, expected a whole one") from None
         raise RecordingError(f"{path}: found a damaged HDF5 file ({reason}), expected a whole one") from None
+
+
+def _being_written(path: Path, reason: str) -> bool:
+    """Whether a program has the file open for writing: such programs hold a lock."""
+    if "unable to lock file" in reason:
+        return True
+    with path.open("rb") as raw:
+        try:
+            fcntl.flock(raw, fcntl.LOCK_SH | fcntl.LOCK_NB)
+        except BlockingIOError:
+            return True
+    return False
 
 
 def _read(root: Fields) -> Recording:

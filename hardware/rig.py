@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from contextlib import ExitStack
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, TypeVar
 
 from hardware.clock import Clock, SystemClock
 from hardware.ert_readers.eit_kit import eit_kit
@@ -19,6 +20,8 @@ from hardware.stages.marlin import Marlin
 from hardware.transport import SerialTransport, Transport
 from physics.protocol import Protocol
 from physics.sensor import Sensor
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -69,6 +72,10 @@ class Rig:
             instrument.close()
 
 
+class RigError(ValueError):
+    """A rig's description that can't be used: one line saying what is wrong."""
+
+
 BAUD = {
     "grbl": 115_200,
     "marlin": 250_000,
@@ -85,6 +92,13 @@ BAUD = {
 def _travel(fields: Mapping[str, Any]) -> Travel:
     low, high = fields["travel_low_m"], fields["travel_high_m"]
     return Travel((low[0], low[1], low[2]), (high[0], high[1], high[2]))
+
+
+def _eit_kit(line: Transport, fields: Mapping[str, Any], shape: tuple[int, int]) -> ErtReader:
+    electrodes, readings = shape
+    if electrodes != readings:
+        raise RigError(f"an EIT-kit reads N x N values, the sensor's protocol has {electrodes} x {readings}")
+    return eit_kit(line, electrodes, fields.get("volts_per_unit", 1.0))
 
 
 STAGES: Mapping[str, Callable[[Transport, Mapping[str, Any]], Stage]] = {
@@ -105,12 +119,8 @@ LOAD_CELLS: Mapping[str, Callable[[Transport, Mapping[str, Any]], LoadCell]] = {
 READERS: Mapping[str, Callable[[Transport, Mapping[str, Any], tuple[int, int]], ErtReader]] = {
     "link": lambda line, _fields, shape: ErtLink(line, shape),
     "spectra": lambda line, fields, shape: spectra(line, shape, fields.get("volts_per_unit", 1.0)),
-    "eit_kit": lambda line, fields, shape: eit_kit(line, shape[0], fields.get("volts_per_unit", 1.0)),
+    "eit_kit": _eit_kit,
 }
-
-
-class RigError(ValueError):
-    """A rig's description that can't be used: one line saying what is wrong."""
 
 
 def open_rig(fields: Mapping[str, Any], sensor: Sensor, protocol: Protocol, clock: Clock | None = None) -> Rig:
@@ -120,40 +130,51 @@ def open_rig(fields: Mapping[str, Any], sensor: Sensor, protocol: Protocol, cloc
     Raises ``RigError`` for a description that makes no sense, ``LostContact`` where a port can't be opened.
     """
     clock = clock or SystemClock()
-    opened: list[Transport] = []
-    try:
-        stage = STAGES[_driver(fields, "stage", STAGES)](_line(fields, "stage", clock, opened), fields["stage"])
-        cell = LOAD_CELLS[_driver(fields, "load_cell", LOAD_CELLS)](
-            _line(fields, "load_cell", clock, opened), fields["load_cell"]
-        )
-        reader = READERS[_driver(fields, "ert_reader", READERS)](
-            _line(fields, "ert_reader", clock, opened), fields["ert_reader"], protocol.shape
-        )
-        geometry = Geometry(**{name: value and tuple(value) for name, value in fields["geometry"].items()})
-        limits = Limits(**fields.get("limits", {}))
-    except (KeyError, TypeError, IndexError) as error:
-        _close(opened)
-        raise RigError(f"rig {fields.get('name', '')}: {type(error).__name__} {error}") from None
-    except BaseException:
-        _close(opened)
-        raise
+    with ExitStack() as opened:
+        stage = open_stage(fields, clock)
+        opened.callback(stage.close)
+        cell = open_load_cell(fields, clock)
+        opened.callback(cell.close)
+        reader = open_reader(fields, clock, protocol.shape)
+        opened.callback(reader.close)
+        try:
+            geometry = Geometry(**{name: value and tuple(value) for name, value in fields["geometry"].items()})
+            limits = Limits(**fields.get("limits", {}))
+        except (KeyError, TypeError) as error:
+            raise RigError(f"rig {fields.get('name', '')}: {type(error).__name__} {error}") from None
+        opened.pop_all()
     return Rig(str(fields.get("name", "")), clock, stage, cell, reader, sensor, protocol, geometry, limits)
 
 
-def _driver(fields: Mapping[str, Any], part: str, known: Mapping[str, object]) -> str:
-    name = fields[part]["driver"]
-    if name not in known:
-        raise RigError(f"{part}: no driver {name!r}; choose one of {', '.join(known)}")
-    return str(name)
+def open_stage(fields: Mapping[str, Any], clock: Clock) -> Stage:
+    """A rig's stage alone; raises as ``open_rig``."""
+    return _opened(fields, "stage", STAGES, clock)
 
 
-def _line(fields: Mapping[str, Any], part: str, clock: Clock, opened: list[Transport]) -> Transport:
-    entry = fields[part]
-    line = SerialTransport(str(entry["port"]), int(entry.get("baud") or BAUD[entry["driver"]]), clock)
-    opened.append(line)
-    return line
+def open_load_cell(fields: Mapping[str, Any], clock: Clock) -> LoadCell:
+    """A rig's load cell alone; raises as ``open_rig``."""
+    return _opened(fields, "load_cell", LOAD_CELLS, clock)
 
 
-def _close(opened: list[Transport]) -> None:
-    for line in opened:
-        line.close()
+def open_reader(fields: Mapping[str, Any], clock: Clock, shape: tuple[int, int]) -> ErtReader:
+    """A rig's ERT reader alone, for scans of ``shape`` (K,M); raises as ``open_rig``."""
+    return _opened(fields, "ert_reader", READERS, clock, shape)
+
+
+def _opened(
+    fields: Mapping[str, Any], part: str, drivers: Mapping[str, Callable[..., T]], clock: Clock, *more: object
+) -> T:
+    with ExitStack() as opened:
+        try:
+            entry = fields[part]
+            if entry["driver"] not in drivers:
+                raise RigError(f"no driver {entry['driver']!r}; choose one of {', '.join(drivers)}")
+            line = SerialTransport(str(entry["port"]), int(entry.get("baud") or BAUD[entry["driver"]]), clock)
+            opened.callback(line.close)
+            driver = drivers[entry["driver"]](line, entry, *more)
+        except (KeyError, TypeError, IndexError) as error:
+            raise RigError(f"rig {fields.get('name', '')}: {part}: {type(error).__name__} {error}") from None
+        except ValueError as error:
+            raise RigError(f"rig {fields.get('name', '')}: {part}: {error}") from None
+        opened.pop_all()
+    return driver

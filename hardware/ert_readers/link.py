@@ -6,10 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hardware.driver import SensorDriver
 from hardware.ert_readers.frame import Flag, Frame, FrameParser, Type, identity_of, scan_of
 from hardware.failure import NoAnswer, Refusal
 from hardware.instrument import Scan
-from hardware.transport import RECONNECT_S, Transport
+from hardware.transport import Transport
 
 ANSWER_S = 2.0
 REPEATS = 4
@@ -66,16 +67,17 @@ def identity_at(transport: Transport, timeout_s: float) -> Identity | None:
     return None
 
 
-class ErtLink:
+class ErtLink(SensorDriver):
     """A reader on our own link."""
+
+    kind = "ERT reader"
 
     def __init__(self, transport: Transport, shape: tuple[int, int]) -> None:
         """``shape``: (K,M) the recording expects; a device that scans otherwise is refused."""
+        super().__init__(transport)
         self.shape = shape
         self.identity: Identity | None = None
         self.repeated = 0
-        self._transport = transport
-        self._clock = transport.clock
         self._parser = FrameParser(4 * shape[0] * shape[1] + shape[0] * shape[1] // 8 + 4096)
         self._next = 0
         self._in_step = False
@@ -124,20 +126,10 @@ class ErtLink:
             raise Refusal(f"{self._name}: reports {self._complaint}")
         raise NoAnswer(f"{self._name}: no whole scan within {timeout_s:g} s")
 
-    def restore(self) -> None:
-        """Open the port anew where contact was lost, and fall in step with the device."""
-        self._transport.restore(RECONNECT_S)
-        self.identify()
-
-    def close(self) -> None:
-        """Let go of the port."""
-        self._transport.close()
-
     # ---------------------------------------------------------------------------------------------------- internals
 
-    @property
-    def _name(self) -> str:
-        return f"ERT reader {self._transport.name}"
+    def _rejoin(self) -> None:
+        self.identify()
 
     def _ask(self) -> None:
         self._transport.write(f"S {self._next}\n".encode("ascii"))

@@ -12,19 +12,22 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from hardware.driver import SensorDriver
 from hardware.failure import NoAnswer, Refusal
 from hardware.instrument import Scan
-from hardware.transport import RECONNECT_S, Lines, Transport
+from hardware.transport import Lines, Transport
 
 
-class TextReader:
+class TextReader(SensorDriver):
     """Scans of ``shape`` (K,M) from lines."""
+
+    kind = "ERT reader"
 
     def __init__(
         self,
         transport: Transport,
         shape: tuple[int, int],
-        kind: str,
+        model: str,
         parse: Callable[[str], NDArray[np.float64] | None],
         volts_per_unit: float,
         agreement: float,
@@ -32,28 +35,26 @@ class TextReader:
     ) -> None:
         """``parse``: K*M numbers of a line or None; ``agreement``: largest difference of two scans that confirm each
         other, a share of the largest reading; ``start``: what sets the device going."""
+        super().__init__(transport)
         self.shape = shape
         self.dropped = 0
-        self._kind = kind
-        self._transport = transport
-        self._clock = transport.clock
+        self._model = model
         self._lines = Lines(transport, longest=24 * shape[0] * shape[1] + 256)
         self._parse = parse
         self._volts_per_unit = volts_per_unit
         self._agreement = agreement
         self._start = start
         self._lost = 0
-        self._period_s = 0.0
 
     def identify(self) -> str:
-        """The kind, once a whole line has come."""
+        """The model, once a whole line has come."""
         self._lines.discard()
         self._transport.write(self._start)
         try:
             self._line(self._clock.now() + 4.0)
         except NoAnswer:
             raise Refusal(f"{self._name}: sends no lines of {self.shape[0]}x{self.shape[1]} readings") from None
-        return self._kind
+        return self._model
 
     def start(self) -> None:
         """Forget scans that began before now."""
@@ -78,18 +79,8 @@ class TextReader:
         voltage = (self._volts_per_unit * before).astype(np.float32).reshape(self.shape)
         return Scan(began, voltage, lost=lost)
 
-    def restore(self) -> None:
-        """Open the port anew where contact was lost."""
-        self._transport.restore(RECONNECT_S)
+    def _rejoin(self) -> None:
         self.identify()
-
-    def close(self) -> None:
-        """Let go of the port."""
-        self._transport.close()
-
-    @property
-    def _name(self) -> str:
-        return f"ERT reader {self._transport.name}"
 
     def _line(self, deadline: float) -> NDArray[np.float64]:
         while (line := self._lines.next(deadline - self._clock.now())) is not None:

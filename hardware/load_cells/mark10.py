@@ -9,10 +9,11 @@ from __future__ import annotations
 
 import re
 
+from hardware.driver import SensorDriver
 from hardware.failure import NoAnswer, Refusal
 from hardware.instrument import Force
 from hardware.load_cells.units import NEWTON_PER_UNIT
-from hardware.transport import RECONNECT_S, Lines, Transport
+from hardware.transport import Lines, Transport
 
 ANSWER_S = 0.3
 PERIOD_S = 0.05
@@ -27,14 +28,16 @@ def parse_mark10(line: str) -> float | None:
     return None if match is None else float(match[1]) * NEWTON_PER_UNIT[match[2]]
 
 
-class Mark10:
+class Mark10(SensorDriver):
     """A Mark-10 force gauge."""
+
+    kind = "load cell"
 
     def __init__(self, transport: Transport) -> None:
         """The gauge must be set to send units, which it does by default."""
+        super().__init__(transport)
         self.garbled = 0
         self._asked_s = -PERIOD_S
-        self._transport = transport
         self._lines = Lines(transport, longest=256)
 
     def identify(self) -> str:
@@ -42,12 +45,12 @@ class Mark10:
         try:
             self.force(1.0)
         except NoAnswer:
-            raise Refusal(f"load cell {self._transport.name}: does not answer '?'") from None
+            raise Refusal(f"{self._name}: does not answer '?'") from None
         return "Mark-10"
 
     def force(self, timeout_s: float) -> Force:
         """Ask for the reading now, and again where the answer is lost or damaged."""
-        clock = self._transport.clock
+        clock = self._clock
         deadline = clock.now() + timeout_s
         while clock.now() < deadline:
             clock.sleep(min(self._asked_s + PERIOD_S, deadline) - clock.now())
@@ -61,20 +64,14 @@ class Mark10:
             if value is not None:
                 return Force(clock.now(), value)
             if _ERROR.fullmatch(line):
-                raise Refusal(f"load cell {self._transport.name}: answers {line} to '?'")
+                raise Refusal(f"{self._name}: answers {line} to '?'")
             self.garbled += 1
             self._lines.discard()
-        raise NoAnswer(f"load cell {self._transport.name}: no reading within {timeout_s:g} s")
+        raise NoAnswer(f"{self._name}: no reading within {timeout_s:g} s")
 
     def discard(self) -> None:
         """Forget answers that came late."""
         self._lines.discard()
 
-    def restore(self) -> None:
-        """Open the port anew where contact was lost."""
-        self._transport.restore(RECONNECT_S)
+    def _rejoin(self) -> None:
         self.discard()
-
-    def close(self) -> None:
-        """Let go of the port."""
-        self._transport.close()

@@ -12,16 +12,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hardware.failure import LimitExceeded, NoAnswer, Refusal
+from hardware.failure import NoAnswer, Refusal
 from hardware.instrument import Array, Travel
+from hardware.stages.gcode import ANSWER_S, GcodeStage, millimetres
 from hardware.transport import RECONNECT_S, Lines, Transport
 
 BUFFER_BYTES = 128
 STATUS_PERIOD_S = 0.2
-ANSWER_S = 2.0
 IDENTIFY_ATTEMPTS = 3
 BANNER_S = 3.0
-HOMING_S = 90.0
 TOLERANCE_M = 15e-6
 STATES = frozenset({"Idle", "Run", "Hold", "Jog", "Alarm", "Door", "Check", "Home", "Sleep"})
 _NUMBER = r"-?\d{1,6}(?:\.\d{1,4})?"
@@ -63,18 +62,16 @@ class _Restarted(Refusal):
     """The controller's banner came unasked."""
 
 
-class Grbl:
+class Grbl(GcodeStage):
     """A stage on a GRBL 1.1 controller, driven in machine coordinates."""
+
+    modes = ("G21 G90 G94",)
+    # A dwell of next to nothing is answered when the planner is empty.
+    drain = "G4 P0.01"
 
     def __init__(self, transport: Transport, travel: Travel) -> None:
         """``travel``: the box in machine coordinates; GRBL's own are negative after homing to the upper ends."""
-        self.travel = travel
-        self.trusted = False
-        self._transport = transport
-        self._clock = transport.clock
-        self._lines = Lines(transport)
-        self._target_m: Array | None = None
-        self._arrived_m: Array | None = None
+        super().__init__(transport, travel, "$H")
         self._idle_elsewhere = 0
         self._offset_m: Array | None = None
         self._last_status_s = -np.inf
@@ -92,13 +89,6 @@ class Grbl:
                     raise
         raise AssertionError("unreachable")
 
-    def home(self) -> None:
-        """Run the homing cycle; the position is trusted from then on."""
-        self._arrived_m = None
-        self._command("$H", HOMING_S)
-        self._command("G21 G90 G94")
-        self.trusted = True
-
     def position_m(self) -> Array:
         """(3,) machine position."""
         for _ in range(40):
@@ -106,19 +96,6 @@ class Grbl:
             if place is not None:
                 return place
         raise NoAnswer(f"{self._name}: reports work positions without ever telling their offset")
-
-    def start_move(self, target_m: Array, speed_m_s: float) -> float:
-        """Begin a straight move in machine coordinates."""
-        if not self.travel.holds(target_m):
-            raise LimitExceeded(f"{self._name}: {_millimetres(target_m)} mm lies outside the stage's travel")
-        start = self.position_m() if self._arrived_m is None else self._arrived_m
-        distance = float(np.linalg.norm(target_m - start))
-        self._arrived_m = None
-        x, y, z = 1e3 * target_m
-        self._target_m = target_m
-        self._idle_elsewhere = 0
-        self._command(f"G53 G1 X{x:.3f} Y{y:.3f} Z{z:.3f} F{6e4 * speed_m_s:.1f}")
-        return distance / speed_m_s
 
     def moving(self) -> bool:
         """Whether the last move is still under way."""
@@ -136,7 +113,7 @@ class Grbl:
         # Just after its ok a move may not have begun.
         self._idle_elsewhere += 1
         if self._idle_elsewhere > 3:
-            raise Refusal(f"{self._name}: stands still away from {_millimetres(self._target_m)} mm")
+            raise Refusal(f"{self._name}: stands still away from {millimetres(self._target_m)} mm")
         return True
 
     def halt(self) -> None:
@@ -158,7 +135,7 @@ class Grbl:
             self._lines = Lines(self._transport)
         self._reset()
         self._command("$X")
-        self._command("G21 G90 G94")
+        self._set_modes()
 
     def raise_by(self, height_m: float, speed_m_s: float) -> None:
         """Straight up, relative to wherever the stage is.
@@ -166,29 +143,10 @@ class Grbl:
         Where the position is lost, GRBL may take the present place for the top of its travel and refuse to rise:
         homing, which lifts z first, is then the way up, and a relative move only where homing is off.
         """
-        if not self.trusted and self._homed():
-            return
-        if self.trusted:
-            height_m = min(height_m, self.travel.high_m[2] - float(self.position_m()[2]))
-        if height_m <= 0.0:
-            return
-        self._target_m = self._arrived_m = None
-        self._command(f"G91 G1 Z{1e3 * height_m:.3f} F{6e4 * speed_m_s:.1f}")
-        try:
-            # A dwell of nothing is answered when the planner is empty.
-            self._command("G4 P0.01", ANSWER_S + 2.0 * height_m / speed_m_s)
-        finally:
-            self._command("G90")
-
-    def close(self) -> None:
-        """Let go of the port."""
-        self._transport.close()
+        if self.trusted or not self._homed():
+            super().raise_by(height_m, speed_m_s)
 
     # ------------------------------------------------------------------------------------------------- the protocol
-
-    @property
-    def _name(self) -> str:
-        return f"stage {self._transport.name}"
 
     def _command(self, line: str, timeout_s: float = ANSWER_S) -> list[str]:
         """Send one line and return what came before its ``ok``."""
@@ -205,6 +163,10 @@ class Grbl:
                 return before
             self._raise_if_stopped(answer, line)
             before.append(answer)
+
+    def _begin(self, line: str, seconds: float) -> None:
+        self._idle_elsewhere = 0
+        self._command(f"G53 {line}")
 
     def _raise_if_stopped(self, answer: str, line: str) -> None:
         if re.fullmatch(r"error:\d{1,3}", answer):
@@ -256,7 +218,7 @@ class Grbl:
     def _reset(self) -> None:
         """Soft reset; returns at the banner."""
         self._lines.discard()
-        self._target_m = self._arrived_m = None
+        self._forget_move()
         for _ in range(2):
             self._transport.write(b"\x18")
             deadline = self._clock.now() + BANNER_S
@@ -266,7 +228,3 @@ class Grbl:
                 if line.startswith("Grbl "):
                     return
         raise NoAnswer(f"{self._name}: no answer to a reset")
-
-
-def _millimetres(position_m: Array) -> str:
-    return ", ".join(f"{1e3 * value:.3f}" for value in position_m)

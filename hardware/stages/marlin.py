@@ -13,11 +13,11 @@ import re
 
 import numpy as np
 
-from hardware.failure import InstrumentError, LimitExceeded, NoAnswer, Refusal
+from hardware.failure import InstrumentError, NoAnswer, Refusal
 from hardware.instrument import Array, Travel
+from hardware.stages.gcode import ANSWER_S, GcodeStage
 from hardware.transport import RECONNECT_S, Lines, Transport
 
-ANSWER_S = 3.0
 LONGEST_BUSY_S = 120.0
 BOOT_S = 4.0
 RESENDS = 6
@@ -39,20 +39,15 @@ def parse_position(line: str) -> Array | None:
     return None if match is None else 1e-3 * np.array([float(number) for number in match.groups()])
 
 
-class Marlin:
+class Marlin(GcodeStage):
     """A stage on a Marlin controller. ``home_command`` must not drive the indenter into the sensor."""
+
+    drain = "M400"
 
     def __init__(self, transport: Transport, travel: Travel, home_command: str = "G28") -> None:
         """``travel``: the box the stage may move in, in the firmware's coordinates."""
-        self.travel = travel
-        self.trusted = False
-        self._home_command = home_command
-        self._transport = transport
-        self._clock = transport.clock
-        self._lines = Lines(transport)
+        super().__init__(transport, travel, home_command)
         self._number = 0
-        self._target_m: Array | None = None
-        self._arrived_m: Array | None = None
         self._waiting_since: float | None = None
         self._move_s = 0.0
 
@@ -64,17 +59,9 @@ class Marlin:
         self._restart_numbering()
         for line in self._command("M115"):
             if line.startswith("FIRMWARE_NAME:Marlin"):
-                self._command("G21")
-                self._command("G90")
+                self._set_modes()
                 return line.removeprefix("FIRMWARE_NAME:").split(" (")[0].split(" SOURCE")[0]
         raise Refusal(f"{self._name}: is no Marlin")
-
-    def home(self) -> None:
-        """Run the homing command; the position is trusted from then on."""
-        self._arrived_m = None
-        self._command(self._home_command, LONGEST_BUSY_S)
-        self._command("G90")
-        self.trusted = True
 
     def position_m(self) -> Array:
         """(3,) where the stage is, all moves done."""
@@ -85,24 +72,6 @@ class Marlin:
                 if position is not None:
                     return position
         raise NoAnswer(f"{self._name}: no position")
-
-    def start_move(self, target_m: Array, speed_m_s: float) -> float:
-        """Begin a straight move; ``M400`` behind it is answered when it has ended."""
-        if not self.travel.holds(target_m):
-            millimetres = ", ".join(f"{1e3 * value:.3f}" for value in target_m)
-            raise LimitExceeded(f"{self._name}: {millimetres} mm lies outside the stage's travel")
-        self._finish_move()
-        start = self.position_m() if self._arrived_m is None else self._arrived_m
-        distance = float(np.linalg.norm(target_m - start))
-        self._arrived_m = None
-        x, y, z = 1e3 * target_m
-        self._command(f"G1 X{x:.3f} Y{y:.3f} Z{z:.3f} F{6e4 * speed_m_s:.1f}")
-        self._target_m = target_m
-        self._move_s = distance / speed_m_s
-        self._number += 1
-        self._waiting_since = self._clock.now()
-        self._transport.write(numbered(self._number, "M400"))
-        return self._move_s
 
     def moving(self) -> bool:
         """Whether the last move is still under way."""
@@ -117,8 +86,7 @@ class Marlin:
 
     def halt(self) -> None:
         """Stop at once and drop the queued moves."""
-        self._target_m = self._arrived_m = None
-        self._waiting_since = None
+        self._forget_move()
         self._number += 1
         self._transport.write(numbered(self._number, "M410"))
         self._clock.sleep(0.3)
@@ -127,8 +95,7 @@ class Marlin:
 
     def recover(self) -> None:
         """Reopen the port (which restarts most boards), clear a stop, start the numbering anew."""
-        self._target_m = self._arrived_m = None
-        self._waiting_since = None
+        self._forget_move()
         try:
             self._settle()
         except InstrumentError:
@@ -139,36 +106,25 @@ class Marlin:
             self._await_start()
             self._settle()
 
-    def raise_by(self, height_m: float, speed_m_s: float) -> None:
-        """Straight up, relative to wherever the stage is."""
-        self._target_m = None
-        if self.trusted:
-            height_m = min(height_m, self.travel.high_m[2] - float(self.position_m()[2]))
-        if height_m <= 0.0:
-            return
-        self._arrived_m = None
-        self._command("G91")
-        try:
-            self._command(f"G1 Z{1e3 * height_m:.3f} F{6e4 * speed_m_s:.1f}")
-            self._command("M400", ANSWER_S + 2.0 * height_m / speed_m_s)
-        finally:
-            self._command("G90")
-
-    def close(self) -> None:
-        """Let go of the port."""
-        self._transport.close()
-
     # ------------------------------------------------------------------------------------------------- the protocol
-
-    @property
-    def _name(self) -> str:
-        return f"stage {self._transport.name}"
 
     def _command(self, command: str, timeout_s: float = ANSWER_S) -> list[str]:
         """Send one numbered line and return what came before its ``ok``."""
         self._number += 1
         self._transport.write(numbered(self._number, command))
         return self._answer(command, timeout_s)
+
+    def _begin(self, line: str, seconds: float) -> None:
+        """The move, and behind it a line that is answered when it has ended."""
+        self._command(line)
+        self._move_s = seconds
+        self._number += 1
+        self._waiting_since = self._clock.now()
+        self._transport.write(numbered(self._number, self.drain))
+
+    def _forget_move(self) -> None:
+        super()._forget_move()
+        self._waiting_since = None
 
     def _answer(self, command: str, timeout_s: float) -> list[str]:
         """What comes before the ``ok`` of line ``_number``; sends it again as often as the firmware asks."""
@@ -255,8 +211,7 @@ class Marlin:
         self._lines.discard()
         self._restart_numbering()
         self._command("M999")
-        self._command("G21")
-        self._command("G90")
+        self._set_modes()
 
     def _await_start(self) -> None:
         """Boards that restart when their port is opened say ``start``; the others say nothing."""

@@ -9,7 +9,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from hardware.clock import Clock
+from hardware.plan import Press
 from hardware.rig import Rig, open_rig
 from hardware.virtual.clock import VirtualClock
 from hardware.virtual.ert_readers import LinkReader, eit_kit_board, spectra_board
@@ -26,6 +29,8 @@ MARGIN_M = 0.03
 PLATE_M2 = 1e-4
 """Area of the plate on a specimen."""
 SPECIMEN_N_PER_M = 8e3
+PLACING_S = 5.0
+"""What laying weights on, taking them off or wiring takes."""
 HEIGHT_M = 0.05
 """The stage's top above the sheet."""
 
@@ -57,6 +62,19 @@ class VirtualBench:
         """The real drivers on the emulated instruments."""
         skin = self.world.skin
         return open_rig(self.fields, skin.sensor, skin.protocol, clock or self.clock)
+
+    def place_weights(self, press: Press | None) -> None:
+        """What somebody at the bench does when asked to lay a press's weights on, or with None to take them off."""
+        self.clock.sleep(PLACING_S)
+        if press is None or press.weight_n is None:
+            self.world.lay(self.clock.now(), None)
+        else:
+            self.world.lay(self.clock.now(), np.array(press.contact_m), press.weight_n)
+
+    def wire_specimen(self, wired: bool) -> None:
+        """What somebody does when asked to wire the reader to the specimen, or back to the skin."""
+        self.clock.sleep(PLACING_S)
+        self.world.specimen_wired = wired
 
     def close(self) -> None:
         """Take the instruments away."""

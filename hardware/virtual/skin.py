@@ -23,6 +23,10 @@ class Skin(Interface):
         """Load cell in newton, the stage now ``depth_m`` deep at ``contact_m`` (2,); None or 0 is in the air."""
         ...
 
+    def lay(self, time_s: float, contact_m: Array | None, force_n: float = 0.0) -> None:
+        """Weights of ``force_n`` newton each are laid on (P,2) by hand; with None they are taken off."""
+        ...
+
     def scan(self, time_s: float) -> Array:
         """(K,M) volt of a scan that starts at ``time_s`` with the stage standing still."""
         ...
@@ -58,21 +62,26 @@ class SpringSkin:
         self._edges = np.array(right + [(k, k + nodes) for k in range(nodes**2 - nodes)])
         self._rng = np.random.default_rng(seed)
         self._noise_v = noise_v
-        self._touch: tuple[Array, float] | None = None
+        self._touch: list[tuple[Array, float]] = []
+        self._laid: list[tuple[Array, float]] = []
 
     def advance(self, time_s: float, contact_m: Array | None, depth_m: float) -> float:
         """2 N/mm."""
         force = 2e3 * depth_m if contact_m is not None and depth_m > 0.0 else 0.0
-        self._touch = (np.asarray(contact_m), force) if force > 0.0 else None
+        self._touch = [(np.asarray(contact_m), force)] if force > 0.0 else []
         return force
+
+    def lay(self, time_s: float, contact_m: Array | None, force_n: float = 0.0) -> None:
+        """Weights, or with None none."""
+        self._laid = [] if contact_m is None else [(place, force_n) for place in contact_m]
 
     def scan(self, time_s: float) -> Array:
         """(K,M) volt: a press makes the resistors around it conduct better."""
         weight = np.full(len(self._edges), 1e-3)
-        if self._touch is not None:
-            middle = self._nodes_m[self._edges].mean(axis=1)
-            near = np.exp(-(((middle - self._touch[0]) ** 2).sum(axis=1)) / (2 * 0.008**2))
-            weight *= 1.0 + 0.3 * self._touch[1] * near
+        middle = self._nodes_m[self._edges].mean(axis=1)
+        for place, force in self._touch + self._laid:
+            near = np.exp(-(((middle - place) ** 2).sum(axis=1)) / (2 * 0.008**2))
+            weight *= 1.0 + 0.3 * force * near
         laplacian = np.zeros((len(self._nodes_m),) * 2)
         i, j = self._edges.T
         np.add.at(laplacian, (i, j), -weight)

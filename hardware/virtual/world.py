@@ -51,7 +51,10 @@ class SpecimenPlace:
 
 
 class World:
-    """A skin at ``origin_m`` (x, y, z of its corner's surface, in the stage's frame), perhaps a block, one indenter."""
+    """A skin at ``origin_m`` (x, y, z of its corner's surface, in the stage's frame), perhaps a block, one indenter.
+
+    ``specimen_wired``: the reader is wired to the specimen instead of the skin.
+    """
 
     def __init__(
         self,
@@ -70,7 +73,7 @@ class World:
         self._block = block
         self._specimen = specimen
         self._resistance_ohm_sq = 0.0
-        self._on_specimen = False
+        self.specimen_wired = False
         self._force_noise_n = force_noise_n
         self._rng = np.random.default_rng(seed)
         self._time_s = 0.0
@@ -86,10 +89,15 @@ class World:
             return -np.inf
         return float(self._origin_m[2] - self.mover.path_m(time_s, time_s)[-1][1][2])
 
+    def lay(self, time_s: float, contact_m: Array | None, force_n: float = 0.0) -> None:
+        """Somebody lays weights on the skin, or with None takes them off."""
+        self._advance(time_s)
+        self.skin.lay(time_s, contact_m, force_n)
+
     def scan(self, time_s: float) -> Array:
         """(K,M) volt of a scan that starts at ``time_s``."""
         self._advance(time_s)
-        if self._specimen is None or not self._on_specimen:
+        if self._specimen is None or not self.specimen_wired:
             return self.skin.scan(time_s)
         injection, reading = self._specimen.reading
         voltage = np.zeros(self.skin.protocol.shape)
@@ -106,13 +114,11 @@ class World:
 
     def _press(self, time_s: float, position_m: Array) -> float:
         depth_m = -float(position_m[2])
-        self._on_specimen = False
         for thing in (self._block, self._specimen):
             if thing is not None and np.hypot(*(position_m[:2] - np.array(thing.place_m))) < thing.radius_m:
                 self.skin.advance(time_s, None, 0.0)
                 force = thing.stiffness_n_per_m * max(0.0, depth_m)
                 if isinstance(thing, SpecimenPlace):
-                    self._on_specimen = True
                     self._resistance_ohm_sq = thing.pair.resistance_ohm_sq(time_s, force / thing.area_m2)
                 return force
         return self.skin.advance(time_s, position_m[:2], depth_m)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from hardware.discovery import ask_rig, discover
+from hardware.rig import RigError, open_rig
 from hardware.virtual.fault_trial import small_bench
 
 
@@ -33,9 +34,26 @@ def test_a_silent_port_and_an_absent_one() -> None:
 
 def test_a_rig_answers_or_says_who_does_not() -> None:
     bench = small_bench()
-    rig = bench.open()
-    assert all(answer.well for answer in ask_rig(rig))
+    protocol = bench.world.skin.protocol
+    assert all(answer.well for answer in ask_rig(bench.fields, protocol, bench.clock))
     bench.load_cell.unplug()
-    assert [answer.well for answer in ask_rig(rig)] == [True, False, True]
-    rig.close()
+    answers = ask_rig(bench.fields, protocol, bench.clock)
+    assert [answer.well for answer in answers] == [True, False, True]
+    assert "can't be opened" in answers[1].what
+    bench.close()
+
+
+def test_a_description_that_makes_no_sense_is_told_in_a_line() -> None:
+    bench = small_bench()
+    for part, changed, told in (
+        ("stage", {"driver": "abacus"}, "abacus"),
+        ("stage", {"travel_low_m": None}, "stage"),
+        ("load_cell", {"layout": "prose"}, "prose"),
+        ("ert_reader", {"driver": "eit_kit"}, "28 x 8"),
+    ):
+        fields = {**bench.fields, part: {**bench.fields[part], **changed}}
+        with pytest.raises(RigError, match=told):
+            open_rig(fields, bench.world.skin.sensor, bench.world.skin.protocol, bench.clock)
+    # Every port was let go of.
+    bench.open().close()
     bench.close()

@@ -96,9 +96,9 @@ def test_grbl_that_restarts_by_itself_is_not_believed() -> None:
 
 def test_grbl_silent_ends_in_its_time() -> None:
     line = ScriptedLine(*[(b"$I\n", b"")] * 3)
-    with pytest.raises(NoAnswer, match="2 s"):
+    with pytest.raises(NoAnswer, match="3 s"):
         Grbl(line, TRAVEL).identify()
-    assert line.clock.now() == pytest.approx(6.0, abs=0.1)
+    assert line.clock.now() == pytest.approx(9.0, abs=0.1)
 
 
 def test_grbl_that_restarts_when_its_port_is_opened_is_asked_again() -> None:
@@ -147,8 +147,11 @@ def test_marlin_lost_ok_is_found_again() -> None:
 
 
 def test_marlin_busy_is_waited_for_but_not_for_ever() -> None:
-    line = ScriptedLine((numbered(1, "G28"), b"echo:busy: processing\r\necho:busy: processing\r\nok\r\n"), (b"", b""))
-    line._traffic[1:] = [(numbered(2, "G90"), b"ok\r\n")]
+    line = ScriptedLine(
+        (numbered(1, "G28"), b"echo:busy: processing\r\necho:busy: processing\r\nok\r\n"),
+        (numbered(2, "G21"), b"ok\r\n"),
+        (numbered(3, "G90"), b"ok\r\n"),
+    )
     stage = Marlin(line, UPWARD)
     stage.home()
     assert stage.trusted

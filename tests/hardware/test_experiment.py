@@ -276,6 +276,7 @@ def test_specimen_gives_the_pairs_law() -> None:
     indenter = Indenter(bench.open())
     indenter.ready()
     indenter.zero()
+    bench.wire_specimen(True)
     specimen = press_specimen(indenter, SpecimenSetup(PLATE_M2, steps=6, cycles=2))
     assert len(specimen.stress_pa) == 2 * 13
     assert list(np.unique(specimen.cycle)) == [0, 1]

@@ -11,8 +11,8 @@ from hardware.plan import (
     Plan,
     PlanError,
     Press,
-    next_press_plan,
     one_point_test,
+    plan_from_presses,
     plan_of,
     ramp,
     repeated,
@@ -57,13 +57,46 @@ def test_a_plan_survives_plain_types() -> None:
         assert plan_of(json.loads(json.dumps(plan.as_dict()))) == plan
 
 
-def test_a_diagnosis_asks_for_a_press() -> None:
-    plan = next_press_plan({"position_m": [0.03, 0.05], "depth_m": 2e-3, "hold_s": 60.0, "repeats": 2})
-    assert len(plan.presses) == 2
-    assert plan.presses[0].contact_m == ((0.03, 0.05),)
-    assert plan.presses[0].depth_m == 2e-3
-    held = sum(step.frames for step in plan.presses[0].steps if step.phase == Phase.HOLD)
-    assert held * plan.period_s == 60.0
+def wanted(**changes: object) -> dict[str, object]:
+    """A press as a diagnosis asks for it."""
+    asked = {"position_m": [0.03, 0.05], "depth_m": 2e-3, "hold_s": 60.0, "speed_m_per_s": 1e-3, "cycles": 2}
+    return {**asked, **changes}
+
+
+def test_a_diagnosis_asks_for_presses() -> None:
+    plan = plan_from_presses([wanted(), wanted(position_m=[0.07, 0.05], speed_m_per_s=1e-4, cycles=1, hold_s=0.0)])
+    first, second = plan.presses
+    assert first.contact_m == ((0.03, 0.05),)
+    assert (first.depth_m, first.speed_m_s, second.speed_m_s) == (2e-3, 1e-3, 1e-4)
+    held = [sum(step.frames for step in press.steps if step.phase == Phase.HOLD) for press in plan.presses]
+    assert held == [2 * 60.0 / plan.period_s, 1]
+    turns = [step.depth_m for step in first.steps if step.phase != Phase.HOLD]
+    np.testing.assert_allclose(turns, 2 * [0.0, 5e-4, 1e-3, 1.5e-3, 2e-3, 1.5e-3, 1e-3, 5e-4, 0.0])
+    slow = [step.depth_m for step in second.steps if step.phase == Phase.LOADING]
+    np.testing.assert_allclose(slow, 1e-4 * np.arange(21), atol=1e-12)
+    assert plan_of(json.loads(json.dumps(plan.as_dict()))) == plan
+
+
+@pytest.mark.parametrize(
+    "presses",
+    [
+        None,
+        [],
+        "all",
+        [1],
+        [{"position_m": [0.0, 0.0]}],
+        [wanted(position_m=None)],
+        [wanted(depth_m=0.0)],
+        [wanted(speed_m_per_s=0.0)],
+        [wanted(cycles=0)],
+        [wanted(cycles=1.5)],
+        [wanted(hold_s=-1.0)],
+        [wanted(force_n=3.0)],
+    ],
+)
+def test_what_a_diagnosis_can_not_ask_for(presses: object) -> None:
+    with pytest.raises(PlanError, match="press"):
+        plan_from_presses(presses)
 
 
 @pytest.mark.parametrize(
@@ -87,5 +120,3 @@ def test_a_diagnosis_asks_for_a_press() -> None:
 def test_what_is_no_plan(fields: dict[str, object], what: str) -> None:
     with pytest.raises(PlanError, match=what):
         plan_of(fields)
-    with pytest.raises(PlanError):
-        next_press_plan({"position_m": None})

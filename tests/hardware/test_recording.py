@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
+import os
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -32,6 +35,37 @@ def written(folder: Path) -> Path:
 
 def test_comes_back_to_the_bit(tmp_path: Path) -> None:
     assert_same(example(), read_recording(written(tmp_path)))
+
+
+WRITER = """
+import sys, h5py
+file = h5py.File(sys.argv[1], "w", libver=sys.argv[2])
+file["some"] = range(1000)
+print("open", flush=True)
+sys.stdin.read()
+"""
+
+
+@pytest.mark.parametrize(("version", "locking"), [("earliest", ""), ("earliest", "TRUE"), ("latest", "")])
+def test_a_file_somebody_is_writing_is_not_called_damaged(version: str, locking: str, tmp_path: Path) -> None:
+    """Wherever HDF5 gives up: at the lock, at the writer's mark, at what is not written yet."""
+    path = tmp_path / "busy.h5"
+    words = [sys.executable, "-c", WRITER, str(path), version]
+    writer = subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+    assert writer.stdin is not None
+    assert writer.stdout is not None
+    assert writer.stdout.readline() == "open\n"
+    reader = "import sys; from hardware.recording import read_recording; read_recording(sys.argv[1])"
+    environment = {**os.environ, **({"HDF5_USE_FILE_LOCKING": locking} if locking else {})}
+    words = [sys.executable, "-c", reader, str(path)]
+    found = subprocess.run(words, capture_output=True, text=True, check=False, env=environment).stderr
+    assert "another program writing it" in found
+    if version == "latest":
+        writer.kill()
+        writer.wait()
+        with pytest.raises(RecordingError, match="never closed"):
+            read_recording(path)
+    writer.communicate()
 
 
 def test_same_recording_same_bytes(tmp_path: Path) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from copy import copy, deepcopy
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -86,6 +88,12 @@ class Stage:
             forces[number] = 0.0 if self._spot is None else self._press(self.command_m + beyond, seconds)
         self.stand()
         return forces
+
+    def foreseen(self, time_s: float, instants_s: Array) -> Array:
+        """(S,) forces at the instants of a scan to come, without living through it."""
+        ahead = copy(self)
+        ahead._spot = deepcopy(self._spot)
+        return ahead.during_scan(time_s, instants_s)
 
     def stand(self) -> None:
         """The last step is over: a scan from now on sees no glide."""

@@ -132,7 +132,9 @@ class SpectralSheet:
             ordered = np.concatenate([union[~keep], union[keep]])
             place = np.argsort(ordered)
             into = [place[np.searchsorted(ordered, self._unknowns[one], sorter=place)] for one in (first, second)]
-            self._merges.append(_Merge(first, second, into[0], into[1], len(ordered), int((~keep).sum())))
+            # Places in a flat matrix: filling one so takes half the time of rows and columns.
+            flat = [(one[:, None] * len(ordered) + one).ravel() for one in into]
+            self._merges.append(_Merge(first, second, flat[0], flat[1], len(ordered), int((~keep).sum())))
             self._unknowns.append(union[keep])
             node = len(self._unknowns) - 1
             self._parent[[first, second]] = node
@@ -213,9 +215,11 @@ class SpectralSheet:
 
 
 def _merged(merge: _Merge, first: Array, second: Array) -> Array:
-    front = np.zeros((merge.size, merge.size), order="F")
-    front[merge.into_first[:, None], merge.into_first] = first
-    front[merge.into_second[:, None], merge.into_second] += second
+    flat = np.zeros(merge.size**2)
+    flat[merge.into_first] = first.ravel()
+    flat[merge.into_second] += second.ravel()
+    # Symmetric, so that the order LAPACK likes costs nothing.
+    front = flat.reshape(merge.size, merge.size).T
     s = merge.separator
     chol, info = dpotrf(front[:s, :s], lower=1, clean=0)
     if info:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import time
 from collections import Counter
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
@@ -32,8 +32,9 @@ def print_plan(console: Console, plan: Plan) -> None:
         told = ", ".join(f"{count} {phase.name.lower()}" for phase, count in phases.items() if count)
         table.add_row(numbers, places, depth, str(press.frames), told)
     console.print(table)
-    minutes = plan.duration_s() / 60.0
-    console.print(f"{len(plan.presses)} presses, {plan.frames} frames, about {minutes:.0f} min", highlight=False)
+    seconds = plan.duration_s()
+    took = f"{seconds:.0f} s" if seconds < 120 else f"{seconds / 60:.0f} min"
+    console.print(f"{len(plan.presses)} presses, {plan.frames} frames, about {took}", highlight=False)
 
 
 def _runs(plan: Plan) -> list[tuple[str, Press]]:
@@ -47,8 +48,12 @@ def _runs(plan: Plan) -> list[tuple[str, Press]]:
     return [(str(a) if a == b else f"{a} to {b}", press) for a, b, press in runs]
 
 
+LINES = 6
+"""Lines of progress where there is no terminal."""
+
+
 class Display:
-    """A progress bar on a terminal; a line per press elsewhere."""
+    """A progress bar on a terminal; a few lines elsewhere."""
 
     def __init__(self, console: Console, plan: Plan, done: int = 0) -> None:
         self._console = console
@@ -61,8 +66,8 @@ class Display:
             disable=not console.is_terminal,
         )
         self._task = self._bar.add_task("getting ready", total=plan.frames, completed=done)
+        self._name = plan.name
         self._press = -1
-        self._began = time.monotonic()
 
     def __enter__(self) -> Display:
         self._bar.start()
@@ -71,20 +76,32 @@ class Display:
     def __exit__(self, *_error: object) -> None:
         self._bar.stop()
 
+    def stepping_aside(self, ask: Callable[[Press | None], None]) -> Callable[[Press | None], None]:
+        """The same call, with no bar drawn over what it says."""
+
+        def asked(press: Press | None) -> None:
+            self._bar.stop()
+            ask(press)
+            self._bar.start()
+
+        return asked
+
     def show(self, standing: Standing) -> None:
         """Take notice of a frame."""
         sound = standing.soundness
-        checks = f"noise {1e3 * sound.noise_v:.2f} mV, reciprocity {100 * sound.reciprocity_defect:.2g} %"
+        noise = f"{1e3 * sound.noise_v:.2f}" if sound.noise_v > 0 else "-"
+        checks = f"noise {noise} mV, reciprocity {100 * sound.reciprocity_defect:.2g} %"
         if sound.saturated:
             checks += f", [red]{100 * sound.saturated:.2g} % saturated[/red]"
         depth = "-" if standing.depth_m != standing.depth_m else f"{1e3 * standing.depth_m:.1f} mm"
         text = f"press {min(standing.press + 1, standing.presses)}/{standing.presses} {standing.phase.name.lower()} "
         text += f"{depth} {standing.force_n:.2f} N · {checks}"
         self._bar.update(self._task, completed=standing.frame, description=text)
-        if not self._console.is_terminal and standing.press != self._press and standing.press < standing.presses:
-            self._press = standing.press
+        begun = standing.press != self._press and standing.press < standing.presses
+        if begun and not self._console.is_terminal and standing.press % max(1, standing.presses // LINES) == 0:
             self._console.print(
-                f"press {standing.press + 1}/{standing.presses}  frame {standing.frame}  {checks}",
+                f"{self._name}: press {standing.press + 1}/{standing.presses}  frame {standing.frame}  {checks}",
                 highlight=False,
                 soft_wrap=True,
             )
+        self._press = standing.press

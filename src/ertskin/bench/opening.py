@@ -9,26 +9,34 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ertskin.errors import UserError
+from hardware.clock import Clock, SystemClock
 from hardware.compressometer import read_specimen_table
 from hardware.description import DescriptionError, protocol_of, sensor_of
+from hardware.instrument import ErtReader
 from hardware.recording import Specimen
-from hardware.rig import Rig, RigError, open_rig
+from hardware.rig import Rig, RigError, open_reader, open_rig
 from hardware.specimen_run import SpecimenSetup
 from physics.protocol import Protocol
 from physics.sensor import Sensor
 
 if TYPE_CHECKING:
+    from ertskin.bench.hands import Hands
     from hardware.virtual.bench.truth import Truth
+    from hardware.virtual.rig import VirtualBench
 
 
 @dataclass(frozen=True)
 class OpenBench:
-    """A rig, the specimen test that goes with it or how to make it, and, on the virtual bench alone, what is hidden."""
+    """A rig, and the specimen test that goes with it or how to make it.
+
+    On the virtual bench alone: what is hidden in the skin, and hands to do what a person at a real one is asked to.
+    """
 
     rig: Rig
     specimen: Specimen | None
     setup: SpecimenSetup | None
-    truth: Truth | None
+    truth: Truth | None = None
+    hands: Hands | None = None
 
 
 def described(config: Mapping[str, Any]) -> tuple[Sensor, Protocol]:
@@ -44,18 +52,23 @@ def described(config: Mapping[str, Any]) -> tuple[Sensor, Protocol]:
 
 @contextmanager
 def opened(
-    fields: Mapping[str, Any], sensor: Sensor, protocol: Protocol, start_s: float = 0.0, real_time: bool = False
+    fields: Mapping[str, Any],
+    sensor: Sensor,
+    protocol: Protocol,
+    start_s: float = 0.0,
+    real_time: bool = False,
+    purpose: str = "live",
 ) -> Iterator[OpenBench]:
     """The bench of a configuration's ``rig``, closed again at the end.
 
-    ``start_s``: where a virtual bench's clock begins, for a recording gone on with; in ``real_time`` it keeps to the
-    machine's instead of jumping over every wait. Raises ``UserError`` for a
-    description that makes no sense, ``LostContact`` where a port can't be opened.
+    For a virtual one: ``start_s`` is where its clock begins, for a recording gone on with; in ``real_time`` it keeps to
+    the machine's instead of jumping over every wait; runs for different ``purpose`` have noise of their own. Raises
+    ``UserError`` for a description that makes no sense, ``LostContact`` where a port can't be opened.
     """
     table = Path(fields["specimen"]) if fields.get("specimen") else None
     try:
         if fields.get("virtual"):
-            with _virtual(fields, sensor, protocol, start_s, real_time) as bench:
+            with _virtual(fields, sensor, protocol, start_s, real_time, purpose) as bench:
                 yield bench
             return
         rig = open_rig(fields, sensor, protocol)
@@ -63,18 +76,61 @@ def opened(
         raise UserError(str(error)) from None
     try:
         setup = SpecimenSetup(**fields["specimen_run"]) if fields.get("specimen_run") else None
-        yield OpenBench(rig, None if table is None else read_specimen_table(table), setup, None)
+        yield OpenBench(rig, None if table is None else read_specimen_table(table), setup)
     finally:
         rig.close()
 
 
 @contextmanager
+def opened_reader(fields: Mapping[str, Any], protocol: Protocol) -> Iterator[ErtReader]:
+    """A real rig's reader alone, which is all it takes to watch a skin; raises as ``opened``."""
+    try:
+        reader = open_reader(fields, SystemClock(), protocol.shape)
+    except RigError as error:
+        raise UserError(str(error)) from None
+    try:
+        yield reader
+    finally:
+        reader.close()
+
+
+@contextmanager
+def ports(fields: Mapping[str, Any], sensor: Sensor, protocol: Protocol) -> Iterator[tuple[Mapping[str, Any], Clock]]:
+    """A rig's description and clock with nothing opened yet; a virtual one's instruments are emulated meanwhile."""
+    if not fields.get("virtual"):
+        yield fields, SystemClock()
+        return
+    with _emulated(fields, sensor, protocol) as (bench, _):
+        yield bench.fields, bench.clock
+
+
+@contextmanager
 def _virtual(
-    fields: Mapping[str, Any], sensor: Sensor, protocol: Protocol, start_s: float, real_time: bool
+    fields: Mapping[str, Any], sensor: Sensor, protocol: Protocol, start_s: float, real_time: bool, purpose: str
 ) -> Iterator[OpenBench]:
+    from hardware.virtual.rig import PLATE_M2
+
+    with _emulated(fields, sensor, protocol, start_s, real_time, purpose) as (bench, truth):
+        setup = SpecimenSetup(**{"area_m2": PLATE_M2, **(fields.get("specimen_run") or {})})
+        rig = bench.open()
+        try:
+            yield OpenBench(rig, None, setup, truth, bench)
+        finally:
+            rig.close()
+
+
+@contextmanager
+def _emulated(
+    fields: Mapping[str, Any],
+    sensor: Sensor,
+    protocol: Protocol,
+    start_s: float = 0.0,
+    real_time: bool = False,
+    purpose: str = "live",
+) -> Iterator[tuple[VirtualBench, Truth]]:
     from hardware.virtual.bench.live import LiveSkin
     from hardware.virtual.bench.truth import Noise, draw_truth
-    from hardware.virtual.rig import PLATE_M2, virtual_bench
+    from hardware.virtual.rig import virtual_bench
     from hardware.virtual.serving import Server
     from hardware.virtual.specimen import BenchSpecimen
 
@@ -84,7 +140,7 @@ def _virtual(
     except (KeyError, TypeError) as error:
         raise UserError(f"rig: {error.args[0]}") from None
     bench = virtual_bench(
-        LiveSkin(truth, sensor, protocol),
+        LiveSkin(truth, sensor, protocol, purpose=f"{purpose} from {start_s:.0f} s"),
         fields["stage"]["driver"],
         fields["load_cell"]["driver"],
         fields["ert_reader"]["driver"],
@@ -96,12 +152,9 @@ def _virtual(
         real_time=real_time,
     )
     server = Server([bench.stage, bench.load_cell, bench.reader]) if real_time else None
-    rig = bench.open()
     try:
-        setup = SpecimenSetup(**{"area_m2": PLATE_M2, **(fields.get("specimen_run") or {})})
-        yield OpenBench(rig, None, setup, truth)
+        yield bench, truth
     finally:
-        rig.close()
         if server is not None:
             server.close()
         bench.close()

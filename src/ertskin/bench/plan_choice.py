@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
+
+from yaml import YAMLError
 
 from ertskin.errors import UserError
 from hardware.plan import (
     Plan,
     PlanError,
-    next_press_plan,
     one_point_test,
+    plan_from_presses,
     plan_of,
     repeated,
     taxel_plan,
@@ -24,7 +25,7 @@ KINDS: Mapping[str, Callable[[Mapping[str, Any], Sensor], Plan]] = {
     "taxels": lambda fields, sensor: taxel_plan(sensor.taxel_m, **fields.get("ramp", {})),
     "one_point_test": lambda fields, sensor: one_point_test(sensor.taxel_m, **fields.get("depths", {})),
     "two_point_test": lambda fields, sensor: two_point_test(sensor.taxel_m, fields["pairs"], fields["weight_n"]),
-    "next_press": lambda fields, _sensor: _asked_for(Path(fields["diagnosis"])),
+    "file": lambda fields, sensor: _plan_in(Path(fields["path"]), sensor),
     "listed": lambda fields, _sensor: plan_of(fields),
 }
 """Makers of plans, by the ``kind`` of a plan's configuration."""
@@ -35,7 +36,7 @@ def chosen_plan(fields: Mapping[str, Any], sensor: Sensor) -> Plan:
     kind = fields.get("kind", "listed")
     if kind not in KINDS:
         raise UserError(f"plan: no kind {kind!r}; choose one of {', '.join(KINDS)}")
-    if kind not in ("listed", "next_press") and not len(sensor.taxel_m):
+    if kind not in ("listed", "file") and not len(sensor.taxel_m):
         raise UserError(f"plan: {kind} needs a sensor with taxels")
     try:
         plan = KINDS[kind](fields, sensor)
@@ -46,12 +47,25 @@ def chosen_plan(fields: Mapping[str, Any], sensor: Sensor) -> Plan:
         raise UserError(f"plan {kind}: {type(error).__name__} {error}") from None
 
 
-def _asked_for(diagnosis: Path) -> Plan:
+def _plan_in(path: Path, sensor: Sensor) -> Plan:
+    """The plan a YAML file describes as those in ``conf/plan`` do, or the one a ``diagnosis.json`` asks for."""
+    from omegaconf import OmegaConf
+
     try:
-        verdict = json.loads(diagnosis.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise UserError(f"{diagnosis}: {error}") from None
-    wanted = verdict.get("next_press") if isinstance(verdict, dict) else None
+        # JSON is YAML; OmegaConf reads 1e-05 as a number, which plain YAML does not.
+        fields = OmegaConf.to_container(OmegaConf.load(path), resolve=True)
+    except (OSError, ValueError, YAMLError) as error:
+        raise UserError(f"{path}: {error}") from None
+    if not isinstance(fields, dict):
+        raise UserError(f"{path}: found no plan, expected a list of presses or a diagnosis")
+    if "next_press" not in fields:
+        return chosen_plan({"name": path.stem, **{str(key): value for key, value in fields.items()}}, sensor)
+    wanted = fields["next_press"]
     if not isinstance(wanted, dict):
-        raise UserError(f"{diagnosis}: asks for no next press")
-    return next_press_plan(wanted)
+        raise UserError(f"{path}: asks for no next press")
+    return plan_from_presses(wanted.get("press"), _named(wanted))
+
+
+def _named(wanted: Mapping[str, Any]) -> str:
+    between = wanted.get("between") or []
+    return f"next_press, to tell {' from '.join(map(str, between))}" if between else "next_press"

@@ -1,7 +1,8 @@
 """Say whether a recording is sound, and which instruments answer.
 
-``recording=FILE`` prints what the file holds and what is wrong with it; ``rig=NAME`` asks every instrument of the rig,
-without moving anything; with neither, every serial port of this machine is asked what it is.
+``recording=FILE`` prints what the file holds and what is wrong with it, and with ``sealed=FOLDER`` what a virtual
+bench hid in its skin; ``rig=NAME`` asks every instrument of the rig, without moving anything; with neither, every
+serial port of this machine is asked what it is.
 """
 
 from __future__ import annotations
@@ -26,6 +27,8 @@ def run(config: DictConfig) -> None:
     console = Console()
     if config.recording is not None:
         examine_recording(Path(config.recording), console)
+        if config.sealed is not None:
+            open_seal(Path(config.recording), Path(config.sealed), console)
     if config.get("rig") is not None:
         examine_rig(config, console)
     elif config.recording is None:
@@ -38,6 +41,20 @@ def examine_recording(path: Path, console: Console) -> None:
     if findings.errors:
         raise RecordingError(findings.errors[0])
     print_findings(findings, console)
+
+
+def open_seal(path: Path, folder: Path, console: Console) -> None:
+    """Print what was hidden in the skin of a virtual bench's recording; raises ``UserError`` where there is no seal."""
+    from ertskin.errors import UserError
+    from hardware.virtual.bench.sealing import SealError, unseal
+
+    try:
+        truth, _ = unseal(path, folder)
+    except SealError as error:
+        raise UserError(str(error)) from None
+    console.print(f"hidden in the skin of seed {truth.seed}:", highlight=False)
+    for name, hidden in truth.effects.items():
+        console.print(f"  {name}: {hidden['parameters']}", highlight=False, soft_wrap=True)
 
 
 def print_findings(findings: Findings, console: Console) -> None:
@@ -58,17 +75,18 @@ def examine_rig(config: DictConfig, console: Console) -> None:
     """Ask every instrument of the configured rig; raises ``JobFailed`` where one does not answer."""
     from omegaconf import OmegaConf
 
-    from ertskin.bench.opening import described, opened
-    from ertskin.errors import JobFailed
+    from ertskin.bench.opening import described, ports
+    from ertskin.errors import JobFailed, UserError
     from hardware.discovery import ask_rig
-    from hardware.failure import InstrumentError
+    from hardware.rig import RigError
 
     fields = cast(dict[str, Any], OmegaConf.to_container(config, resolve=True))
     try:
-        with opened(fields["rig"], *described(fields["sensor"])) as bench:
-            answers = ask_rig(bench.rig)
-    except InstrumentError as error:
-        raise JobFailed(str(error)) from None
+        sensor, protocol = described(fields["sensor"])
+        with ports(fields["rig"], sensor, protocol) as (rig, clock):
+            answers = ask_rig(rig, protocol, clock)
+    except RigError as error:
+        raise UserError(str(error)) from None
     _print_answers(answers, console)
     if silent := [answer.where for answer in answers if not answer.well]:
         raise JobFailed(f"rig {fields['rig']['name']}: no answer from {', '.join(silent)}")

@@ -1,7 +1,8 @@
 """Record an indentation experiment on a bench, real or virtual.
 
 Presses the plan's places while force and scans are kept frame by frame. Stopped or killed, the same command goes on at
-the next press; ``dry_run=true`` prints the plan and how long it takes.
+the next press; ``dry_run=true`` prints the plan and how long it takes. ``plan=PATH`` takes the plan from a YAML file,
+or the presses a diagnosis asks for from its ``diagnosis.json``.
 """
 
 from __future__ import annotations
@@ -22,12 +23,23 @@ if TYPE_CHECKING:
     from omegaconf import DictConfig
     from rich.console import Console
 
+    from ertskin.bench.hands import Hands
     from ertskin.bench.opening import OpenBench
     from hardware.experiment import Outcome
-    from hardware.plan import Plan, Press
+    from hardware.plan import Plan
 
 RESUME_GAP_S = 60.0
 """Seconds that pass, in a recording gone on with, between its last frame and the next at least."""
+
+
+def reworded(arguments: list[str]) -> list[str]:
+    """``plan=PATH`` as ``plan=file plan.path=PATH``: the choices of a group are names."""
+    words = []
+    for word in arguments:
+        key, _, value = word.partition("=")
+        is_path = key == "plan" and Path(value).suffix in (".yaml", ".json")
+        words += ["plan=file", f"plan.path={value}"] if is_path else [word]
+    return words
 
 
 def run(config: DictConfig) -> None:
@@ -40,7 +52,8 @@ def run(config: DictConfig) -> None:
     from ertskin.bench.plan_choice import chosen_plan
     from ertskin.errors import JobFailed, UserError
 
-    console, path = Console(), Path(config.recording)
+    # Recordings side by side must not draw over one another's bars.
+    console, path = Console(force_terminal=False if _sweeping() else None), Path(config.recording)
     fields = cast(dict[str, Any], OmegaConf.to_container(config, resolve=True))
     sensor, protocol = described(fields["sensor"])
     plan = chosen_plan(fields["plan"], sensor)
@@ -51,7 +64,7 @@ def run(config: DictConfig) -> None:
         raise RecordingError(f"{path}: found a recording already there, expected a free name (nothing was overwritten)")
     start_s = _last_frame_s(path) + RESUME_GAP_S if _half_done(path) else 0.0
     try:
-        with _stoppable(), opened(fields["rig"], sensor, protocol, start_s) as bench:
+        with _stoppable(), opened(fields["rig"], sensor, protocol, start_s, purpose=plan.name) as bench:
             header = Recording(
                 str(fields["rig"]["name"]),
                 _created(fields["rig"]),
@@ -73,10 +86,11 @@ def run(config: DictConfig) -> None:
 
 def _record(bench: OpenBench, plan: Plan, path: Path, header: Recording, start_s: float, console: Console) -> Outcome:
     from ertskin.bench.display import Display
+    from ertskin.bench.hands import Person
     from hardware.experiment import Experiment, check_plan
     from hardware.recorder import Recorder, next_press
 
-    rig = bench.rig
+    rig, hands = bench.rig, bench.hands or Person(console)
     check_plan(plan, rig)
     first = 0
     if _half_done(path):
@@ -84,14 +98,13 @@ def _record(bench: OpenBench, plan: Plan, path: Path, header: Recording, start_s
         first = next_press(so_far.frames)
         console.print(f"going on at press {first + 1} of {len(plan.presses)}", highlight=False)
     else:
-        header = _measured_before(bench, header, console)
+        header = _measured_before(bench, header, hands, console)
         counts = rig.protocol.adc_volts_per_count is not None and hasattr(rig.reader, "identity")
         recorder = Recorder(path, header, plan, rig.protocol.shape, counts)
     try:
         with Display(console, plan, recorder.frames) as display:
-            experiment = Experiment(
-                rig, recorder, rig.clock.now() - start_s, display.show, lambda press: _weights(console, press)
-            )
+            place_weights = display.stepping_aside(hands.place_weights)
+            experiment = Experiment(rig, recorder, rig.clock.now() - start_s, display.show, place_weights)
             outcome = experiment.run(plan, first)
     except BaseException:
         recorder.close()
@@ -110,7 +123,7 @@ def _guard(bench: OpenBench, rig: dict[str, Any]) -> AbstractContextManager[None
     return guarded(rig["stage"], limits.clearance_m + limits.depth_m, limits.travel_speed_m_s)
 
 
-def _measured_before(bench: OpenBench, header: Recording, console: Console) -> Recording:
+def _measured_before(bench: OpenBench, header: Recording, hands: Hands, console: Console) -> Recording:
     """The header with the rigid-block run and the specimen test, where the bench has what they need."""
     from hardware.indenter import Indenter
     from hardware.rigid_block import press_rigid_block
@@ -132,17 +145,10 @@ def _measured_before(bench: OpenBench, header: Recording, console: Console) -> R
         header = replace(header, rigid_block=press_rigid_block(indenter))
     if pressed and bench.setup is not None:
         console.print("pressing the specimen", highlight=False)
+        hands.wire_specimen(True)
         header = replace(header, specimen=press_specimen(indenter, bench.setup))
+        hands.wire_specimen(False)
     return header
-
-
-def _weights(console: Console, press: Press | None) -> None:
-    """Ask somebody at the bench to lay weights on, or take them off, and wait."""
-    if press is None:
-        console.input("take the weights off, then Enter ")
-        return
-    places = " and ".join(f"({1e3 * x:.1f}, {1e3 * y:.1f}) mm" for x, y in press.contact_m)
-    console.input(f"lay a weight of {press.weight_n:.2f} N on {places}, then Enter ")
 
 
 def _seal(bench: OpenBench, path: Path, rig: dict[str, Any]) -> None:
@@ -162,6 +168,13 @@ def _tell(console: Console, path: Path, outcome: Outcome) -> None:
     for warning, count in outcome.warnings.items():
         console.print(f"[yellow]warning[/yellow] {warning} in {count} frames", highlight=False, soft_wrap=True)
     console.print(f"recording: {path}", highlight=False, soft_wrap=True)
+
+
+def _sweeping() -> bool:
+    from hydra.core.hydra_config import HydraConfig
+    from hydra.types import RunMode
+
+    return HydraConfig.initialized() and HydraConfig.get().mode == RunMode.MULTIRUN
 
 
 def _half_done(path: Path) -> bool:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import io
+import json
 import os
 import signal
 import subprocess
@@ -11,8 +13,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from rich.console import Console
 
+from ertskin.bench.hands import Person
 from ertskin.cli import main
+from ertskin.errors import JobFailed
 from hardware.recorder import part_of
 from hardware.recording import read_recording
 from hardware.validate import validate
@@ -46,13 +51,56 @@ def test_records_a_plan_into_a_sound_file(tmp_path: Path, capsys: pytest.Capture
     before = out.read_bytes()
     assert main(words(out)) == 2
     assert out.read_bytes() == before
+    capsys.readouterr()
     assert main(["doctor", f"recording={out}"]) == 0
+    assert "piezo_hysteresis" not in capsys.readouterr().out
+    assert main(["doctor", f"recording={out}", f"sealed={tmp_path / 'sealed'}"]) == 0
+    assert "piezo_hysteresis: {'width': 0." in capsys.readouterr().out
+    assert main(["doctor", f"recording={out}", f"sealed={tmp_path / 'elsewhere'}"]) == 2
+
+
+def test_two_points_under_weights_are_felt(tmp_path: Path) -> None:
+    out = tmp_path / "two.h5"
+    plan = ["plan=two_point_test", "plan.pairs=[[0,35],[7,28]]"]
+    assert main([word for word in words(out) if not word.startswith("plan")] + plan) == 0
+    frames = read_recording(out).frames
+    assert frames is not None
+    np.testing.assert_array_equal(frames.history.phase, [Phase.REST, Phase.HOLD, Phase.HOLD, Phase.REST])
+    np.testing.assert_allclose(frames.history.force_n[1:3], 4.903, atol=1e-3)
+    change = np.abs(frames.voltage_v - frames.voltage_v[0]).max(axis=(1, 2))
+    assert change[[1, 2]].min() > 0.1 > 0.05 > change[3]
+
+
+def test_nobody_there_to_lay_weights(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("sys.stdin", io.StringIO())
+    with pytest.raises(JobFailed, match="take the weights off"):
+        Person(Console()).place_weights(None)
 
 
 def test_a_dry_run_moves_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main([*words(tmp_path / "a.h5", 3), "dry_run=true"]) == 0
     assert list(tmp_path.iterdir()) == []
     assert "3 presses, 22 frames" in capsys.readouterr().out
+
+
+def test_a_plan_from_a_file_or_a_diagnosis(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    asked = {"position_m": [0.05, 0.07], "depth_m": 3e-3, "hold_s": 1e-1, "speed_m_per_s": 1e-3, "cycles": 2}
+    verdict = {
+        "next_press": {"reason": "memory or creep", "between": ["piezo_creep", "piezo_hysteresis"], "press": [asked]}
+    }
+    (tmp_path / "diagnosis.json").write_text(json.dumps(verdict))
+    (tmp_path / "content.json").write_text(json.dumps({"next_press": None}))
+    (tmp_path / "coarse.yaml").write_text("kind: taxels\nramp: {depth_m: 2e-3, step_m: 1e-3}\n")
+    for name, told in (
+        ("diagnosis.json", ("tell piezo_creep from piezo_hysteresis", "1 presses, 32 frames, about")),
+        ("coarse.yaml", ("36 presses",)),
+    ):
+        assert main(["record", f"plan={tmp_path / name}", "dry_run=true"]) == 0
+        out = capsys.readouterr().out
+        assert all(words in out for words in told), out
+    for name, told in (("content.json", "no next press"), ("absent.yaml", "absent.yaml")):
+        assert main(["record", f"plan={tmp_path / name}", "dry_run=true"]) == 2
+        assert told in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
@@ -115,4 +163,6 @@ def test_the_rig_is_asked(capsys: pytest.CaptureFixture[str]) -> None:
 
 def test_a_rig_that_is_not_there(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["doctor", "rig=grbl_hx711", "rig.stage.port=/nowhere"]) == 1
-    assert "/nowhere" in capsys.readouterr().err
+    told = capsys.readouterr()
+    assert "stage: /nowhere: can't be opened" in told.out
+    assert "no answer from stage, load cell, ERT reader" in told.err

@@ -159,6 +159,29 @@ def test_live_skin_agrees_with_the_recorded_one(plain: tuple[np.ndarray, np.ndar
     np.testing.assert_allclose(live.scan(3.0), plain[0][0], atol=2e-4)
 
 
+def test_weights_laid_live_weigh_as_in_a_recorded_run():
+    truth = draw_truth(SENSOR, 1, {"piezo_creep": 1.0}, SILENT)
+    history = PLANS["test_two"](SENSOR)[:3]
+    wanted = Bench(truth, resolution=FAST).frames(history, "test", ideal=True).voltage_v
+    live = LiveSkin(truth, resolution=FAST)
+    live.advance(0.0, None, 0.0)
+    got = [live.scan(history.time_s[0])]
+    for number in (1, 2):
+        # The recorded run's weights lie from its stage's moving time before the scan on.
+        live.lay(history.time_s[number] - 0.1, history.contact_m[number], WEIGHT_N)
+        got.append(live.scan(history.time_s[number]))
+        live.lay(history.time_s[number] + (live.protocol.scan_s or 0.0), None)
+    assert np.abs(wanted[1] - wanted[0]).max() > 0.1
+    np.testing.assert_allclose(got, wanted, atol=3e-4)
+
+
+def test_runs_for_different_purposes_do_not_share_their_noise():
+    truth = draw_truth(SENSOR, 1)
+    first, again, other = (LiveSkin(truth, resolution=FAST, purpose=name).scan(0.0) for name in ("a", "a", "b"))
+    np.testing.assert_array_equal(first, again)
+    assert np.std(first - other) == pytest.approx(np.sqrt(2.0) * truth.noise.white_v, rel=0.05)
+
+
 def test_only_the_scan_after_a_step_is_skewed():
     live = LiveSkin(draw_truth(SENSOR, 1, {"scan_skew": 1.0}, SILENT), resolution=FAST)
     live.advance(1.0, SENSOR.taxel_m[7], 1e-3)
