@@ -8,14 +8,16 @@ from __future__ import annotations
 
 import sys
 import threading
+import time
 from contextlib import ExitStack
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 from hardware.failure import InstrumentError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
 
     from omegaconf import DictConfig
 
@@ -29,34 +31,42 @@ def run(config: DictConfig) -> None:
     """Watch until interrupted, or until a recording played is through."""
     from ertskin.errors import JobFailed, UserError
     from ertskin.live.keeping import Keeper
-    from ertskin.live.message import line_of
+    from ertskin.live.message import fault_of, line_of, message_of
     from ertskin.live.server import Channel, LiveServer
     from ertskin.live.session import Session
 
     predictor = _predictor(Path(config.network))
-    ending = threading.Event()
+    ending, channel = threading.Event(), Channel()
+
+    def out(message: dict[str, object]) -> None:
+        line = line_of(message)
+        channel.send(line)
+        if config.stream:
+            print(line, flush=True)
+
+    def failed(text: str) -> None:
+        print(f"ertskin: {text}", file=sys.stderr)
+        out(fault_of(text, time.time()))
+
     with ExitStack() as stack:
         stack.callback(ending.set)
-        scans, sensor, protocol = _source(config, stack, ending)
-        if protocol.shape != predictor.kind.shape:
-            found, wanted = ("x".join(map(str, shape)) for shape in (protocol.shape, predictor.kind.shape))
+        played = config.recording is not None
+        source = _played(config, ending) if played else _watched(config, stack, ending, failed)
+        if source.protocol.shape != predictor.kind.shape:
+            found, wanted = ("x".join(map(str, shape)) for shape in (source.protocol.shape, predictor.kind.shape))
             raise UserError(f"the reader scans {found}, the network was trained on {wanted}")
-        session = Session(predictor, 1 if config.recording is not None else int(config.zero_scans))
-        keeper = Keeper(Path(config.folder), str(config.get("rig", {}).get("name", "played")), sensor, protocol)
+        session = Session(predictor, source.zero_scans, source.noise_v)
+        keeper = Keeper(Path(config.folder), source.name, source.sensor, source.protocol)
         stack.callback(keeper.end)
-        channel = Channel()
         if not config.stream:
             server = LiveServer(channel, int(config.port), {"/zero": _zeroing(session), "/record": keeper.turn})
             stack.callback(server.close)
             print(f"live: {server.url}   (Ctrl-C ends it)", flush=True)
         try:
-            for scan in scans:
+            for scan in source.scans:
                 frame = session.see(scan)
                 keeper.keep(scan, frame)
-                line = line_of(frame, predictor.kind.taxel_m)
-                channel.send(line)
-                if config.stream:
-                    print(line, flush=True)
+                out(message_of(frame, predictor.kind.taxel_m, source.epoch_s, keeper.frames))
         except InstrumentError as error:
             raise JobFailed(str(error)) from None
 
@@ -86,32 +96,59 @@ def _predictor(path: Path) -> Predictor:
     return Predictor(path)
 
 
-def _source(
-    config: DictConfig, stack: ExitStack, ending: threading.Event
-) -> tuple[Iterator[Scan], Sensor | None, Protocol]:
+@dataclass(frozen=True)
+class Source:
+    """Where scans come from, and what is known beforehand: ``noise_v`` of a reading, 0 for nothing; ``epoch_s``, the
+    system's time at the zero of the scans' clock."""
+
+    name: str
+    scans: Iterator[Scan]
+    sensor: Sensor | None
+    protocol: Protocol
+    zero_scans: int
+    noise_v: float
+    epoch_s: float
+
+
+def _played(config: DictConfig, ending: threading.Event) -> Source:
+    """A recording; its rest frames lie between presses, so the first of them alone is the baseline."""
+    from ertskin.errors import UserError
+    from ertskin.live.session import noise_of
+    from ertskin.live.sources import scans_of_recording
+    from hardware.recording import read_recording
+    from physics.history import Phase
+
+    recording = read_recording(Path(config.recording))
+    frames, protocol = recording.frames, recording.protocol
+    if frames is None or protocol is None:
+        raise UserError(f"{config.recording}: holds no scans to play")
+    rest = frames.voltage_v[frames.history.phase == Phase.REST][:8]
+    noise = noise_of(rest) if len(rest) > 1 else 0.0
+    scans = scans_of_recording(frames, protocol, float(config.speed), ending)
+    return Source("played", scans, recording.sensor, protocol, 1, noise, 0.0)
+
+
+def _watched(config: DictConfig, stack: ExitStack, ending: threading.Event, failed: Callable[[str], None]) -> Source:
+    """A rig's reader; on the virtual bench somebody presses here and there."""
     from omegaconf import OmegaConf
 
-    from ertskin.errors import UserError
-    from ertskin.live.sources import scans_of_recording, scans_of_rig
-
-    if config.recording is not None:
-        from hardware.recording import read_recording
-
-        recording = read_recording(Path(config.recording))
-        if recording.frames is None or recording.protocol is None:
-            raise UserError(f"{config.recording}: holds no scans to play")
-        scans = scans_of_recording(recording.frames, recording.protocol, float(config.speed), ending)
-        return scans, recording.sensor, recording.protocol
-    from ertskin.bench.opening import described, opened
+    from ertskin.bench.opening import described, opened, opened_reader
+    from ertskin.live.sources import scans_of_reader
 
     fields = cast(dict[str, Any], OmegaConf.to_container(config, resolve=True))
     sensor, protocol = described(fields["sensor"])
-    bench = stack.enter_context(opened(fields["rig"], sensor, protocol, real_time=True))
-    if bench.truth is not None and config.hand:
-        from ertskin.live.hand import Hand
+    if fields["rig"].get("virtual"):
+        bench = stack.enter_context(opened(fields["rig"], sensor, protocol, real_time=True))
+        reader = bench.rig.reader
+        if config.hand and bench.truth is not None:
+            from ertskin.live.hand import Hand
 
-        hand = Hand(bench.rig, bench.truth.seed, ending)
-        stack.callback(hand.join)
-        stack.callback(ending.set)
-        hand.start((int(config.zero_scans) + 1) * 0.5)
-    return scans_of_rig(bench.rig, lambda text: print(f"ertskin: {text}", file=sys.stderr), ending), sensor, protocol
+            hand = Hand(bench.rig, bench.truth.seed, ending)
+            stack.callback(hand.join)
+            stack.callback(ending.set)
+            hand.start((int(config.zero_scans) + 1) * 0.5)
+    else:
+        reader = stack.enter_context(opened_reader(fields["rig"], protocol))
+    scans = scans_of_reader(reader, protocol, failed, ending)
+    epoch_s = time.time() - time.monotonic()
+    return Source(str(fields["rig"]["name"]), scans, sensor, protocol, int(config.zero_scans), 0.0, epoch_s)

@@ -70,8 +70,8 @@ class OfReadings(nn.Module):
     def __init__(self, network: MaskedNetwork, denoiser: Denoiser | None) -> None:
         super().__init__()
         self.network = network
-        first, normalise = network.first
-        inner = _scaled(network.scale, _linear(first))
+        first, normalise = network.readings, network.first[1]
+        inner = _scaled(network.scale, Affine(first.weight.detach().double(), first.bias.detach().double()))
         if denoiser is None:
             self.enter: nn.Module = inner
         else:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -23,6 +24,14 @@ class Keeper:
     def __init__(self, folder: Path, rig: str, sensor: Sensor | None, protocol: Protocol) -> None:
         self._folder, self._rig, self._sensor, self._protocol = folder, rig, sensor, protocol
         self._recorder: Recorder | None = None
+        # The page turns it on and off from a thread of its own.
+        self._lock = threading.Lock()
+
+    @property
+    def frames(self) -> int | None:
+        """Frames recorded so far, None while nothing is."""
+        recorder = self._recorder
+        return None if recorder is None else recorder.frames
 
     def turn(self) -> str:
         """Begin a recording, or end the one that runs; what was done, in words."""
@@ -31,12 +40,14 @@ class Keeper:
         now = datetime.now(UTC)
         path = self._folder / f"live-{now:%Y%m%dT%H%M%SZ}.h5"
         header = Recording(self._rig, f"{now:%Y-%m-%dT%H:%M:%SZ}", "seen live", self._sensor, self._protocol)
-        self._recorder = Recorder(path, header, Plan("live", ()), self._protocol.shape, counts=False)
+        with self._lock:
+            self._recorder = Recorder(path, header, Plan("live", ()), self._protocol.shape, counts=False)
         return f"recording to {path}"
 
     def end(self) -> str:
         """End the recording that runs, if one does."""
-        recorder, self._recorder = self._recorder, None
+        with self._lock:
+            recorder, self._recorder = self._recorder, None
         if recorder is None:
             return "nothing is being recorded"
         recorder.finish()
@@ -44,10 +55,9 @@ class Keeper:
 
     def keep(self, scan: Scan, frame: LiveFrame) -> None:
         """Add a scan to the recording that runs: as touched where the network says so."""
-        recorder = self._recorder
-        if recorder is None:
-            return
         phase = Phase.HOLD if frame.contacts else Phase.REST
         unknown = np.full(1, np.nan)
         entry = FrameEntry(scan.voltage_v, None, scan.time_s, 0, phase, np.full((1, 2), np.nan), unknown, unknown)
-        recorder.append(entry)
+        with self._lock:
+            if self._recorder is not None:
+                self._recorder.append(entry)

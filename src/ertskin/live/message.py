@@ -3,7 +3,10 @@
 ``header`` is a ``std_msgs/Header``; ``contacts`` are ``geometry_msgs/Point`` ``position`` and ``geometry_msgs/Vector3``
 ``force``, in metres and newton in the skin's frame, z out of it, so that a press has a negative z; ``force_map`` is a
 ``std_msgs/Float64MultiArray`` over the taxels, their places being ``taxel_m``. Beside them ``frame``, ``latency_s``,
-``rate_hz``, ``drift`` (in units of the noise) and ``warnings``.
+``rate_hz``, ``drift`` (in units of the noise), ``zeroing``, ``recorded_frames`` (null while nothing is recorded) and
+``warnings``. Stamps are of the system's time, of a recording's own time where one is played.
+
+Where the reader fails, a line holds ``header`` and ``fault``, what happened in words, and nothing else.
 """
 
 from __future__ import annotations
@@ -15,15 +18,13 @@ from ertskin.live.session import Array, LiveFrame
 FRAME_ID = "skin"
 
 
-def message_of(frame: LiveFrame, taxel_m: Array) -> dict[str, object]:
-    """The frame in plain types."""
-    second = int(frame.time_s)
+def message_of(
+    frame: LiveFrame, taxel_m: Array, epoch_s: float = 0.0, recorded_frames: int | None = None
+) -> dict[str, object]:
+    """The frame in plain types; ``epoch_s``: the system's time at the zero of the frame's clock."""
     taxels = len(frame.force_map_n)
     return {
-        "header": {
-            "stamp": {"sec": second, "nanosec": int(1e9 * (frame.time_s - second))},
-            "frame_id": FRAME_ID,
-        },
+        "header": _header(epoch_s + frame.time_s),
         "contacts": [
             {
                 "position": {"x": round(contact.x_m, 6), "y": round(contact.y_m, 6), "z": 0.0},
@@ -41,10 +42,21 @@ def message_of(frame: LiveFrame, taxel_m: Array) -> dict[str, object]:
         "rate_hz": round(frame.rate_hz, 3),
         "drift": round(frame.drift, 3),
         "zeroing": frame.zeroing,
+        "recorded_frames": recorded_frames,
         "warnings": frame.warnings,
     }
 
 
-def line_of(frame: LiveFrame, taxel_m: Array) -> str:
-    """The frame as a line of JSON, without its end."""
-    return json.dumps(message_of(frame, taxel_m), separators=(",", ":"))
+def fault_of(text: str, time_s: float) -> dict[str, object]:
+    """What is said in place of a frame when there is none; ``time_s`` of the system."""
+    return {"header": _header(time_s), "fault": text}
+
+
+def line_of(message: dict[str, object]) -> str:
+    """A message as a line of JSON, without its end."""
+    return json.dumps(message, separators=(",", ":"))
+
+
+def _header(time_s: float) -> dict[str, object]:
+    second = int(time_s)
+    return {"stamp": {"sec": second, "nanosec": int(1e9 * (time_s - second))}, "frame_id": FRAME_ID}

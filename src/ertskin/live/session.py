@@ -17,6 +17,11 @@ Array = NDArray[np.float64]
 DRIFT_NOISES = 3.0
 """An untouched skin whose readings are off by this many times their noise has drifted."""
 LEAST_FORCE_N = 0.05
+TOUCH_SHARE, TOUCH_SIGMAS = 0.05, 6.0
+"""A change whose mean square is less than this share, and this many of its own standard deviations, above what noise
+gives is no touch. No trial a network learns from is untouched: asked about noise, it finds something in it."""
+SPIKE_SIGMAS = 4.0
+"""Beyond so many times the noise a reading counts as no more than that: a spike is no touch either."""
 
 
 @dataclass(frozen=True)
@@ -61,35 +66,41 @@ class LiveFrame:
 class Session:
     """Follows one skin. Begins with zeroing."""
 
-    def __init__(self, predictor: Predictor, zero_scans: int = 4) -> None:
-        """``zero_scans``: untouched scans a baseline is the mean of."""
+    def __init__(self, predictor: Predictor, zero_scans: int = 4, noise_v: float = 0.0) -> None:
+        """``zero_scans``: untouched scans a baseline is the mean of. ``noise_v``: noise of a reading, which several of
+        them tell by themselves; where it is not known every scan counts as touched."""
         self._predictor = predictor
         self._zero_scans = zero_scans
         self._gathered: list[Array] = []
+        self._zero_asked = False
         self._rest_v: NDArray[np.float32] | None = None
-        self._noise_v = 0.0
+        self._noise_v = noise_v
         self._number = 0
         self._lost = 0
         self._times: deque[float] = deque(maxlen=20)
         self._drift: deque[float] = deque(maxlen=5)
+        taxels = len(predictor.kind.taxel_m)
+        self._nothing = Estimate(np.zeros((1, taxels)), np.zeros((1, taxels), dtype=bool))
 
     def zero(self) -> None:
-        """Take the coming scans as untouched."""
-        self._gathered = []
-        self._rest_v = None
-        self._drift.clear()
+        """Take the coming scans as untouched; may be asked for from another thread."""
+        self._zero_asked = True
 
     def see(self, scan: Scan) -> LiveFrame:
         """What a scan means."""
         self._number += 1
         self._lost += scan.lost
         self._times.append(scan.time_s)
+        if self._zero_asked:
+            self._zero_asked = False
+            self._gathered, self._rest_v = [], None
+            self._drift.clear()
         if self._rest_v is None:
             self._gather(scan.voltage_v)
             return self._frame(scan, None, 0.0)
         begin = time.perf_counter()
         change = scan.voltage_v - self._rest_v
-        estimate = self._predictor.estimate(change[None])
+        estimate = self._predictor.estimate(change[None]) if self._touched(change) else self._nothing
         latency = time.perf_counter() - begin
         if not estimate.present.any():
             self._drift.append(self._off(change))
@@ -101,7 +112,16 @@ class Session:
             stack = np.stack(self._gathered)
             self._rest_v = stack.mean(axis=0).astype(np.float32)
             if len(stack) > 1:
-                self._noise_v = 1.4826 * float(np.median(np.abs(np.diff(stack, axis=0)))) / np.sqrt(2.0)
+                self._noise_v = noise_of(stack)
+
+    def _touched(self, change_v: NDArray[np.float32]) -> bool:
+        """Whether a change is more than noise and spikes."""
+        if self._noise_v == 0.0:
+            return True
+        expected = self._noise_v**2 * (1.0 + 1.0 / self._zero_scans)
+        square = np.minimum(np.square(change_v), SPIKE_SIGMAS**2 * expected)
+        ratio = 1.0 + TOUCH_SHARE + TOUCH_SIGMAS * np.sqrt(2.0 / square.size)
+        return float(square.mean()) > ratio * expected
 
     def _off(self, change_v: NDArray[np.float32]) -> float:
         """Systematic part of a change in units of the noise, robust against spikes: 0 for noise alone."""
@@ -122,6 +142,14 @@ class Session:
         return LiveFrame(
             self._number, scan.time_s, force, contacts, latency_s, rate, drift, self._lost, saturated, estimate is None
         )
+
+
+def noise_of(scans_v: Array) -> float:
+    """Noise of a reading in volt, from the differences of untouched scans (n,K,M), spikes left out."""
+    step = np.abs(np.diff(scans_v, axis=0)) / np.sqrt(2.0)
+    # Noise far below a count of the converter makes most differences 0: then none is left out.
+    most = SPIKE_SIGMAS * 1.4826 * float(np.median(step)) or np.inf
+    return float(np.sqrt(np.mean(np.square(step[step <= most]))))
 
 
 def contacts_of(estimate: Estimate, taxel_m: Array) -> tuple[Contact, ...]:

@@ -9,28 +9,28 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from hardware.failure import InstrumentError
-from hardware.instrument import Scan
+from hardware.instrument import ErtReader, Scan
 from hardware.recording import Frames
-from hardware.rig import Rig
 from physics.history import Phase
 from physics.protocol import Protocol
 
 RETRY_S = 1.0
 
 
-def scans_of_rig(rig: Rig, tell: Callable[[str], None], ending: threading.Event) -> Iterator[Scan]:
-    """Scans of the rig's reader until told to end; a reader that fails is told of and tried again."""
-    rig.reader.identify()
+def scans_of_reader(
+    reader: ErtReader, protocol: Protocol, tell: Callable[[str], None], ending: threading.Event
+) -> Iterator[Scan]:
+    """Scans of a reader until told to end; one that fails is told of and tried again."""
+    reader.identify()
     while not ending.is_set():
         try:
-            rig.reader.start()
-            rig.clock.sleep(rig.protocol.scan_s or 0.0)
-            yield rig.reader.finish((rig.protocol.scan_s or 0.5) + 4.0)
+            reader.start()
+            yield reader.finish((protocol.scan_s or 0.5) + 4.0)
         except InstrumentError as error:
             tell(str(error))
             ending.wait(RETRY_S)
             try:
-                rig.reader.restore()
+                reader.restore()
             except InstrumentError as again:
                 tell(str(again))
 

@@ -79,8 +79,9 @@ def test_answers_as_the_checkpoint_does(kind: str, tmp_path: Path) -> None:
     assert [entry.name for entry in tmp_path.iterdir()] == ["model.onnx"]
 
 
-def test_runs_where_there_is_no_torch(tmp_path: Path) -> None:
-    model = reconstruction("places")
+@pytest.mark.parametrize("kind", ["paper", "reciprocal", "places"])
+def test_runs_where_there_is_no_torch(kind: str, tmp_path: Path) -> None:
+    model = reconstruction(kind)
     export_onnx(model, tmp_path / "model.onnx")
     np.save(tmp_path / "change.npy", changes())
     script = (
@@ -93,7 +94,8 @@ def test_runs_where_there_is_no_torch(tmp_path: Path) -> None:
     )
     words = [sys.executable, "-c", script, str(tmp_path / "model.onnx"), str(tmp_path / "change.npy")]
     done = subprocess.run(words, capture_output=True, text=True, check=True)
-    np.testing.assert_allclose(json.loads(done.stdout), model.estimate(changes()).force_map_n, atol=1e-3)
+    wanted = model.estimate(changes()).force_map_n
+    np.testing.assert_allclose(json.loads(done.stdout), wanted, atol=2e-4 * max(1.0, float(np.abs(wanted).max())))
 
 
 def test_what_is_no_model_is_told(tmp_path: Path) -> None:
