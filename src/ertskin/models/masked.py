@@ -7,6 +7,7 @@ from torch import Tensor, nn
 
 from ertskin.data.tensors import TrialTensors
 from ertskin.data.trials import TrialSet
+from ertskin.models.readings_layer import ReadingsLayer
 from ertskin.models.scaling import Standardise
 from ertskin.models.touch import TouchNetwork
 from physics.noise.model import Noise
@@ -18,33 +19,46 @@ class MaskedNetwork(TouchNetwork):
 
     Localization: sigmoid activations and output. Force: ReLU, at the output too. The two parts share no weight; they
     are trained side by side, which for Adam is the same as one after the other, and their first layers are kept as
-    one matrix because the readings need then be fetched only once.
+    one matrix.
     """
 
     def __init__(self, inputs: int, taxel_m: list[list[float]], hidden: int = 36, threshold: float = 0.5) -> None:
         super().__init__(taxel_m, threshold)
         self.arguments = {"inputs": inputs, "taxel_m": taxel_m, "hidden": hidden, "threshold": threshold}
         self.scale = Standardise(inputs)
-        self.first = nn.Sequential(nn.Linear(inputs, 2 * hidden), nn.BatchNorm1d(2 * hidden))
+        self.first = nn.Sequential(ReadingsLayer(inputs, 2 * hidden), nn.BatchNorm1d(2 * hidden))
         self.location = _rest(hidden, len(taxel_m), nn.Sigmoid)
         self.force = _rest(hidden, len(taxel_m), nn.ReLU)
 
     def prepare(self, protocol: Protocol, trials: TrialSet, noise: Noise, seed: int) -> TrialTensors:
-        """Clean simulated readings, as in the paper: noise is the denoiser's business."""
+        """Clean simulated trials, as in the paper: noise is the denoiser's business. Pair resistances less their mean,
+        of which the layer makes standardised readings."""
         self.scale.fit(*trials.readings_moments_v(protocol))
-        inputs = torch.from_numpy(trials.readings_v(protocol))
-        # In place: the readings of the paper's trials take a gigabyte.
-        inputs -= self.scale.mean
-        inputs /= self.scale.std
-        return TrialTensors(inputs, self.targets(trials))
+        self.readings.set_combinations(protocol.design / self.scale.std.double().numpy()[:, None])
+        centred_ohm = trials.change_ohm - trials.change_ohm.mean(axis=0)
+        return TrialTensors(torch.from_numpy(centred_ohm).float(), self.targets(trials))
+
+    @property
+    def readings(self) -> ReadingsLayer:
+        """The first layer of both parts."""
+        layer = self.first[0]
+        assert isinstance(layer, ReadingsLayer)
+        return layer
 
     def scaled(self, change_v: Tensor) -> Tensor:
         """(N,R) volt to standardised inputs."""
         return self.scale(change_v)
 
     def layers_out(self, inputs: Tensor) -> tuple[Tensor, Tensor]:
-        """(N,n) logits and (N,n) forces in newton."""
-        location, force = self.first(inputs).chunk(2, dim=1)
+        """(N,n) logits and (N,n) forces in newton from (N,R) standardised readings."""
+        return self._behind(self.readings(inputs))
+
+    def trials_out(self, inputs: Tensor) -> tuple[Tensor, Tensor]:
+        """The same from (N,P) pair resistances as ``prepare`` gives them."""
+        return self._behind(self.readings.of_pairs(inputs))
+
+    def _behind(self, entered: Tensor) -> tuple[Tensor, Tensor]:
+        location, force = self.first[1](entered).chunk(2, dim=1)
         return self.location(location), torch.relu(self.force(force))
 
 

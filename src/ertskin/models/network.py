@@ -16,6 +16,7 @@ from ertskin.data.tensors import TrialTensors
 from ertskin.data.trials import TrialSet
 from ertskin.errors import JobFailed
 from ertskin.models.estimate import Estimate
+from ertskin.training.adam import LeanAdam
 from physics.noise.model import Noise
 from physics.protocol import Protocol
 
@@ -57,12 +58,13 @@ class Network(pl.LightningModule):
     def training_step(self, batches: Batches, index: int) -> None:
         """One Adam step for each mini-batch of the chunk."""
         optimizer = self.optimizers(use_pl_optimizer=False)
+        assert isinstance(optimizer, LeanAdam)
         total = torch.zeros((), device=self.device)
         for inputs, targets in batches:
             loss = _summed(self.losses(inputs, targets))
-            optimizer.zero_grad(set_to_none=True)  # type: ignore[union-attr]
+            optimizer.clear()
             loss.backward()
-            optimizer.step()  # type: ignore[union-attr]
+            optimizer.update()
             total += loss.detach()
         if not torch.isfinite(total):
             raise JobFailed(f"the training loss is no longer finite in epoch {self.current_epoch}")
@@ -85,8 +87,8 @@ class Network(pl.LightningModule):
             self.log_dict(named, batch_size=len(inputs), on_epoch=True, on_step=False)
 
     def configure_optimizers(self) -> torch.optim.Optimizer:
-        """Adam (paper IV-C), its update fused into one kernel."""
-        return torch.optim.Adam(self.parameters(), lr=self.learning_rate, fused=True)
+        """Adam (paper IV-C)."""
+        return LeanAdam(self.parameters(), self.learning_rate)
 
 
 def _summed(parts: dict[str, Tensor]) -> Tensor:

@@ -51,15 +51,15 @@ class SingleTouch(nn.Module):
 
     def forward(self, whitened: Tensor, logit: Tensor, force_n: Tensor, threshold: float) -> Tensor:
         """(N,n) forces in newton: those given, with a single touch's replaced by its curve's answer."""
-        start, step = self.curve[:, :-1], self.curve[:, 1:] - self.curve[:, :-1]
         best = logit.argmax(dim=1)
-        away = whitened[:, None] - start[best]
-        along = step[best]
+        # Worked out for single touches alone: there is an interval of a curve for each of its levels to look at.
+        rows = ((torch.sigmoid(logit) > threshold).sum(dim=1) == 1).nonzero()[:, 0]
+        chosen = best[rows]
+        start, step = self.curve[:, :-1], self.curve[:, 1:] - self.curve[:, :-1]
+        away, along = whitened[rows, None] - start[chosen], step[chosen]
         share = ((away * along).sum(dim=2) / along.square().sum(dim=2).clamp(min=1e-12)).clamp(0.0, 1.0)
         distance = (away - share[..., None] * along).square().sum(dim=2)
         nearest = distance.argmin(dim=1, keepdim=True)
-        spacing = self.force_n[1] - self.force_n[0]
-        answer = (nearest + share.gather(1, nearest)) * spacing
-        single = (torch.sigmoid(logit) > threshold).sum(dim=1, keepdim=True) == 1
-        chosen = nn.functional.one_hot(best, logit.shape[1]).bool()
-        return torch.where(single & chosen & (self.known > 0), answer, force_n)
+        answer = (nearest + share.gather(1, nearest))[:, 0] * (self.force_n[1] - self.force_n[0])
+        answer = torch.where(self.known > 0, answer, force_n[rows, chosen])
+        return force_n.index_put((rows, chosen), answer)

@@ -29,6 +29,10 @@ class TouchNetwork(Network):
         """(N,n) logits and (N,n) forces in newton from scaled inputs."""
         raise NotImplementedError
 
+    def trials_out(self, inputs: Tensor) -> tuple[Tensor, Tensor]:
+        """``layers_out`` of the inputs ``prepare`` made, where a network holds those in another form."""
+        return self.layers_out(inputs)
+
     def targets(self, trials: TrialSet) -> dict[str, Tensor]:
         """What is learned from each trial."""
         force = torch.from_numpy(trials.force_map_n).float()
@@ -40,7 +44,7 @@ class TouchNetwork(Network):
         The force part is trained after the contacts are identified and sees only those; the true mask stands for the
         identified one during training.
         """
-        logit, force = self.layers_out(inputs)
+        logit, force = self.trials_out(inputs)
         return {
             "location": nn.functional.binary_cross_entropy_with_logits(logit, targets["touched"]),
             "force": (targets["touched"] * (force - targets["force_n"]).square()).mean(),

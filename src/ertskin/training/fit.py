@@ -59,6 +59,8 @@ def fit(
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")
+                # oneDNN sets itself up at every call: small batches lose more by that than they gain.
+                torch.backends.mkldnn.set_flags(False)
                 trainer.fit(network, data, ckpt_path=last if last.is_file() else None, weights_only=True)
         except SystemExit as error:
             # Lightning turns Ctrl-C into an exit of its own.

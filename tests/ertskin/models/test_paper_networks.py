@@ -5,9 +5,11 @@ import torch
 from resistor_sheet import mixed, protocol, taxel_m
 from torch import nn
 
+from ertskin.data.tensors import TrialTensors
 from ertskin.data.trials import TrialSet, joined
 from ertskin.models.denoiser import Denoiser
 from ertskin.models.masked import MaskedNetwork
+from ertskin.models.readings_layer import ReadingsLayer
 from physics.noise import WhiteNoise
 
 TAXELS = [[0.01 * k, 0.0] for k in range(36)]
@@ -20,8 +22,8 @@ def kinds(part: nn.Module) -> list[type]:
 def test_localization_and_force_have_two_hidden_layers_of_36_with_batch_norm():
     network = MaskedNetwork(6624, TAXELS)
     # The first layers of both parts lie side by side in one matrix.
-    assert network.first[0].weight.shape == (72, 6624)
-    assert kinds(network.first) == [nn.Linear, nn.BatchNorm1d]
+    assert network.first[0].weight.shape == (6624, 72)
+    assert kinds(network.first) == [ReadingsLayer, nn.BatchNorm1d]
     assert kinds(network.location) == [nn.Sigmoid, nn.Linear, nn.BatchNorm1d, nn.Sigmoid, nn.Linear]
     assert kinds(network.force) == [nn.ReLU, nn.Linear, nn.BatchNorm1d, nn.ReLU, nn.Linear]
     for part in (network.location, network.force):
@@ -41,24 +43,41 @@ def test_the_force_counts_only_where_the_mask_lets_it_through_and_is_never_negat
     assert np.allclose(estimate.force_map_n[estimate.present], force.detach().numpy()[estimate.present])
 
 
-def test_the_parts_learn_as_if_they_were_trained_apart():
+def prepared() -> tuple[MaskedNetwork, TrialSet, TrialTensors]:
     torch.manual_seed(0)
-    network = MaskedNetwork(40, TAXELS[:9], hidden=8)
-    inputs, touched = torch.randn(16, 40), (torch.rand(16, 9) < 0.3).float()
-    losses = network.losses(inputs, {"touched": touched, "force_n": 5 * touched})
-    (by_force,) = torch.autograd.grad(losses["force"], network.first[0].weight, retain_graph=True)
-    (by_location,) = torch.autograd.grad(losses["location"], network.first[0].weight)
-    assert torch.count_nonzero(by_force[:8]) == 0
-    assert torch.count_nonzero(by_location[8:]) == 0
-
-
-def test_inputs_are_standardised_with_the_exact_moments_of_the_readings():
     skin, trials = protocol(), mixed(300, seed=0)
-    network = MaskedNetwork(224, taxel_m().tolist())
-    inputs = network.prepare(skin, trials, WhiteNoise(skin, 0.1), seed=0).inputs
-    varies = trials.readings_v(skin).std(axis=0) > 1e-9
-    assert inputs.mean(dim=0).abs().max() < 1e-4
-    assert torch.allclose(inputs.std(dim=0, correction=0)[varies], torch.ones(int(varies.sum())), atol=1e-4)
+    network = MaskedNetwork(224, taxel_m().tolist(), hidden=8)
+    return network, trials, network.prepare(skin, trials, WhiteNoise(skin, 0.1), seed=0)
+
+
+def test_the_parts_learn_as_if_they_were_trained_apart():
+    network, _, tensors = prepared()
+    losses = network.losses(tensors.inputs[:16], {name: value[:16] for name, value in tensors.targets.items()})
+    (by_force,) = torch.autograd.grad(losses["force"], network.readings.weight, retain_graph=True)
+    (by_location,) = torch.autograd.grad(losses["location"], network.readings.weight)
+    assert torch.count_nonzero(by_force[:, :8]) == 0
+    assert torch.count_nonzero(by_location[:, 8:]) == 0
+    assert torch.count_nonzero(by_force) > 0
+
+
+def test_readings_are_standardised_with_their_exact_moments():
+    network, trials, _ = prepared()
+    readings = trials.readings_v(protocol())
+    scaled = network.scaled(torch.from_numpy(readings))
+    varies = readings.std(axis=0) > 1e-9
+    assert scaled.mean(dim=0).abs().max() < 1e-4
+    assert torch.allclose(scaled.std(dim=0, correction=0)[varies], torch.ones(int(varies.sum())), atol=1e-4)
+
+
+def test_learning_from_pair_resistances_is_learning_from_standardised_readings():
+    network, trials, tensors = prepared()
+    scaled = network.scaled(torch.from_numpy(trials.readings_v(protocol())))
+    by_readings, by_pairs = network.layers_out(scaled), network.trials_out(tensors.inputs)
+    weight = network.readings.weight
+    for one, other in zip(by_readings, by_pairs, strict=True):
+        assert torch.allclose(one, other, atol=1e-4)
+        slopes = [torch.autograd.grad(out.square().sum(), weight, retain_graph=True)[0] for out in (one, other)]
+        assert torch.allclose(slopes[0], slopes[1], atol=1e-4 * float(slopes[0].abs().max()))
 
 
 def test_the_denoiser_is_given_real_readings_where_there_are_any_and_noise_elsewhere():

@@ -7,7 +7,7 @@ from itertools import product
 from typing import Self
 
 import numpy as np
-from scipy.linalg import eigh
+from scipy.sparse.linalg import eigsh
 from scipy.spatial.distance import cdist
 
 from ertskin.evaluation.yardsticks.held_out_regime import force_bands
@@ -54,7 +54,8 @@ class KernelRidge:
         self.features_, self.scale_ = self._features(change_v[kept], self.power_)
         self.offset_n_ = force_map_n[kept].mean(axis=0)
         kernel = self._kernel(self.features_, self.width_)
-        largest = float(eigh(kernel, eigvals_only=True, subset_by_index=[len(kept) - 1] * 2)[0])
+        # Entries are positive, so the vector that starts the iteration can't miss the largest one's.
+        largest = float(eigsh(kernel, k=1, v0=np.ones(len(kept)), return_eigenvectors=False)[0])
         kernel[np.diag_indices_from(kernel)] += self.penalty_ * largest
         self.weight_ = np.linalg.solve(kernel, force_map_n[kept] - self.offset_n_)
         return self

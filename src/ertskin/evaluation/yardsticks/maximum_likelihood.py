@@ -11,6 +11,7 @@ from ertskin.evaluation.yardsticks.forward import Indices, Response, interpolant
 from ertskin.evaluation.yardsticks.yardstick import Array
 
 FORCE_STEP_N = 0.02
+FRAMES_AT_ONCE = 64
 Contacts = tuple[Indices, Array, float]
 """Taxels pressed, their forces in newton, and the squared misfit in units of the noise."""
 
@@ -58,18 +59,21 @@ class MaximumLikelihood:
 
     def predict(self, change_v: Array) -> Array:
         """(N,n) newton of the most likely contacts."""
-        return np.stack([self._best_map_n(row) for row in self._in_noise(change_v)])
+        changes = self._in_noise(change_v)
+        parts = [changes[first : first + FRAMES_AT_ONCE] for first in range(0, len(changes), FRAMES_AT_ONCE)]
+        maps = [self._best_map_n(row, one) for part in parts for row, one in zip(part, self._ones(part), strict=True)]
+        return np.stack(maps)
 
     def _in_noise(self, change_v: Array) -> Array:
         """Changes (N,P) in units of the noise: unit white."""
         return solve_triangular(self.noise_factor, change_v.T, lower=True).T
 
-    def _best_map_n(self, change: Array) -> Array:
-        """(n,) the map with the least information criterion among no, one and two contacts."""
+    def _best_map_n(self, change: Array, one: Contacts) -> Array:
+        """(n,) the map with the least information criterion among no, one (``one``) and two contacts."""
         nothing = (np.array([], dtype=np.intp), np.array([]), float(change @ change))
-        found = [nothing, self._one(change)]
+        found = [nothing, one]
         pairs = self._pairs(change)
-        if min(self._criterion(pair, change) for pair in pairs) < self._criterion(found[1], change):
+        if min(self._criterion(pair, change) for pair in pairs) < self._criterion(one, change):
             found += self._refined(change, pairs)
         taxel, force_n, _ = min(found, key=lambda contacts: self._criterion(contacts, change))
         best_n = np.zeros(len(self.response.taxel_m))
@@ -82,9 +86,15 @@ class MaximumLikelihood:
         taxel, _, squares = contacts
         return len(change) * np.log(squares / len(change)) + 2 * len(taxel) * np.log(len(change))
 
-    def _one(self, change: Array) -> Contacts:
-        """The best single taxel, by the finely interpolated table and a parabola through its best three forces."""
-        misfit = self.fine_square - 2.0 * self.fine @ change
+    def _ones(self, changes: Array) -> list[Contacts]:
+        """The best single taxel for each of some changes (N,P), which together cost little more than one."""
+        forces, taxels, width = self.fine.shape
+        along = self.fine.reshape(-1, width) @ changes.T
+        misfit = self.fine_square[..., None] - 2.0 * along.reshape(forces, taxels, -1)
+        return [self._one(change, misfit[..., k]) for k, change in enumerate(changes)]
+
+    def _one(self, change: Array, misfit: Array) -> Contacts:
+        """The least of the finely interpolated table's ``misfit`` (F,n), by a parabola through its best three forces."""
         level, taxel = divmod(int(misfit.argmin()), misfit.shape[1])
         squares, force_n = misfit[level, taxel], self.fine_n[level]
         if 0 < level < len(self.fine_n) - 1:
