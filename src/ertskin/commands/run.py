@@ -1,7 +1,8 @@
 """The main job: from a recording to calibrated networks, their comparison and a report.
 
-With ``recording=FILE`` and its tests ``one=FILE two=FILE``, or without any on a simulated bench. Every step is a
-command a person could type, and prints as such; what is done already is not done again.
+With ``recording=FILE`` and its tests ``one=FILE two=FILE``, or without any recorded on ``rig``, the virtual bench
+unless another is named. Every step is a command a person could type, and prints as such; what is done already is not
+done again.
 """
 
 from __future__ import annotations
@@ -11,7 +12,6 @@ import shlex
 import subprocess
 import sys
 import time
-from dataclasses import dataclass
 from pathlib import Path
 
 from omegaconf import DictConfig
@@ -19,12 +19,12 @@ from omegaconf import DictConfig
 from ertskin.data.shards import request_key
 from ertskin.errors import JobFailed, UserError
 
-KINDS = {"recording": "indentation", "one": "test_one", "two": "test_two"}
-"""Role of a recording in the job, and the bench's plan for it."""
+PLANS = {"recording": "quick", "one": "one_point_test", "two": "two_point_test"}
+"""Role of a recording in the job, and the plan the rig carries out for it."""
 
 
 def run(config: DictConfig) -> None:
-    """Record (on the bench, unless a recording is given), calibrate, synthesize, train, evaluate."""
+    """Record (unless a recording is given), calibrate, synthesize, train, evaluate."""
     begun = time.monotonic()
     files = _recordings(config)
     recording = f"recording={files['recording']}"
@@ -34,8 +34,7 @@ def run(config: DictConfig) -> None:
     _step(["calibrate", recording, *_accepted("calibrate", settings)])
     _step(["synthesize", recording, *_accepted("synthesize", settings)])
     sweep = [f"model={','.join(config.models)}", f"seed={','.join(map(str, config.seeds))}"]
-    launcher = ["hydra/launcher=joblib", f"hydra.launcher.n_jobs={config.jobs}"] if config.jobs > 1 else []
-    _step(["train", "-m", recording, *sweep, *_accepted("train", settings), *launcher])
+    _step(["train", "-m", recording, *sweep, *_accepted("train", settings), *_launcher(int(config.jobs))])
     if tests:
         _step(["evaluate", recording, *tests, *_accepted("evaluate", settings)])
     else:
@@ -47,7 +46,7 @@ def _handed_on() -> list[str]:
     """What was typed that isn't a setting of this command itself."""
     from hydra.core.hydra_config import HydraConfig
 
-    own = ("recording=", "one=", "two=", "models=", "seeds=", "jobs=", "bench.")
+    own = ("recording=", "one=", "two=", "models=", "seeds=", "jobs=", "recordings=")
     return [word for word in HydraConfig.get().overrides.task if not word.startswith(own)]
 
 
@@ -57,40 +56,26 @@ def _recordings(config: DictConfig) -> dict[str, Path | None]:
         return given
     if given["one"] is not None or given["two"] is not None:
         raise UserError("one= and two= are tests of a training recording: give recording=FILE too")
-    return _bench_recordings(config)
+    return _recorded(config)
 
 
-def _bench_recordings(config: DictConfig) -> dict[str, Path | None]:
-    """The recordings of the simulated bench, made where they are missing."""
-    from ertskin.cluster import LocalCluster
-    from ertskin.progress import counting
+def _recorded(config: DictConfig) -> dict[str, Path | None]:
+    """Recordings of the rig, made where they are missing, on a virtual one side by side."""
+    from omegaconf import OmegaConf
 
-    folder, effects, seed = Path(config.bench.folder), dict(config.bench.effects), int(config.bench.seed)
-    folder.mkdir(parents=True, exist_ok=True)
-    skin = request_key({"effects": effects, "seed": seed})
-    bench = SimulatedBench(tuple(folder / f"{skin}_{kind}.h5" for kind in KINDS.values()), effects, seed)
-    missing = [number for number, path in enumerate(bench.paths) if not path.is_file()]
+    rig = request_key({name: OmegaConf.to_container(config[name], resolve=True) for name in ("rig", "sensor")})
+    files = {role: Path(config.recordings) / f"{rig}_{plan}.h5" for role, plan in PLANS.items()}
+    missing = [PLANS[role] for role, path in files.items() if not path.is_file()]
     if missing:
-        print(f"recording on a simulated bench, with {', '.join(effects) or 'nothing'} hidden in it", flush=True)
-        with counting("recordings") as progress:
-            progress(0, len(missing))
-            for done, _ in enumerate(LocalCluster(int(config.jobs)).spread(bench, missing), 1):
-                progress(done, len(missing))
-    return dict(zip(KINDS, bench.paths, strict=True))
+        into = f"recording={config.recordings}/{rig}_${{hydra:runtime.choices.plan}}.h5"
+        side_by_side = _launcher(int(config.jobs)) if config.rig.get("virtual") else []
+        accepted = _accepted("record", _handed_on())
+        _step(["record", "-m", f"plan={','.join(missing)}", into, *accepted, *side_by_side])
+    return dict(files)
 
 
-@dataclass(frozen=True)
-class SimulatedBench:
-    """Writes recording ``number`` of one simulated skin; travels to worker processes."""
-
-    paths: tuple[Path, ...]
-    effects: dict[str, float]
-    seed: int
-
-    def __call__(self, number: int) -> None:
-        from hardware.virtual.bench import write_bench
-
-        write_bench(self.paths[number], tuple(KINDS.values())[number], self.effects, self.seed)
+def _launcher(jobs: int) -> list[str]:
+    return ["hydra/launcher=joblib", f"hydra.launcher.n_jobs={jobs}"] if jobs > 1 else []
 
 
 def _accepted(verb: str, settings: list[str]) -> list[str]:
@@ -102,7 +87,7 @@ def _accepted(verb: str, settings: list[str]) -> list[str]:
     loaded = OmegaConf.load(config_dir() / f"{verb}.yaml")
     entries = [entry for entry in loaded.defaults if hasattr(entry, "items")]
     known = {str(group) for entry in entries for group in entry} | {str(key) for key in loaded}
-    return [setting for setting in settings if setting.split("=")[0].split(".")[0] in known]
+    return [setting for setting in settings if setting.split("=")[0].lstrip("+~").split(".")[0] in known]
 
 
 def _step(words: list[str]) -> None:

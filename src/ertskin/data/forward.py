@@ -72,7 +72,7 @@ class PressForward:
         total = np.zeros(self.skin.sheet.weight_m2.size)
         reached = np.zeros(len(total), dtype=bool)
         spots = [self._spot(place) for place in place_m]
-        for (points, unit), force in zip(spots, force_n, strict=True):
+        for (points, unit), force in zip(spots, self.skin.felt_n(force_n), strict=True):
             total[points] += force * unit
             reached[points] = True
         points = np.flatnonzero(reached)

@@ -5,7 +5,10 @@ import subprocess
 import sys
 
 import pytest
+from hydra import compose, initialize_config_dir
 
+from ertskin.commands import run
+from ertskin.configuration import config_dir
 from hardware.virtual.bench import FAST, write_bench
 
 SMALL = [
@@ -54,6 +57,34 @@ def test_the_main_job_learns_and_goes_on_from_what_is_there(bench, tmp_path):
 def scores(results, metric):
     found = {method["name"]: method["seeds"][0]["metrics"] for method in results["methods"]}
     return {name: metrics[metric]["value"] for name, metrics in found.items() if metric in metrics}
+
+
+def test_without_a_recording_the_rig_records_what_is_missing(tmp_path, monkeypatch):
+    steps = []
+
+    def recorded(words):
+        steps.append(words)
+        plans = dict(word.split("=", 1) for word in words[2:])["plan"].split(",")
+        into = dict(word.split("=", 1) for word in words[2:])["recording"]
+        for plan in plans:
+            path = tmp_path / into.replace("${hydra:runtime.choices.plan}", plan)
+            path.parent.mkdir(exist_ok=True, parents=True)
+            path.touch()
+
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(run, "_step", recorded)
+    monkeypatch.setattr(run, "_handed_on", lambda: ["rig.seed=7", "model.width=3"])
+    with initialize_config_dir(str(config_dir()), version_base="1.3"):
+        config = compose("run", ["jobs=1", "rig.seed=7"])
+    files = run._recorded(config)
+    assert steps[0][:3] == ["record", "-m", "plan=quick,one_point_test,two_point_test"]
+    assert steps[0][4:] == ["rig.seed=7"]
+    assert all(path.is_file() for path in files.values())
+    files["one"].unlink()
+    assert run._recorded(config) == files
+    assert steps[1][2] == "plan=one_point_test"
+    assert run._recorded(config) == files
+    assert len(steps) == 2
 
 
 def test_a_recording_that_is_none_gets_one_line(tmp_path):
