@@ -85,9 +85,11 @@ def _run(verb: str, arguments: list[str]) -> None:
     sweeping = bool(SWEEP_FLAGS & set(arguments))
     if sweeping:
         extra.append(f"hydra.sweep.dir=runs/sweep/{sweep_key(verb, arguments)}")
-    run = importlib.import_module(f"ertskin.commands.{verb}").run
-    task = _told_at_once(run) if sweeping else _escaping(run)
-    sys.argv = [f"ertskin {verb}", *_options_first([*arguments, *extra])]
+    command = importlib.import_module(f"ertskin.commands.{verb}")
+    task = _told_at_once(command.run) if sweeping else _escaping(command.run)
+    # A command may take a word that Hydra would not, and say it in Hydra's words.
+    words = command.reworded(arguments) if hasattr(command, "reworded") else arguments
+    sys.argv = [f"ertskin {verb}", *_options_first([*words, *extra])]
     hydra.main(version_base="1.3", config_path=str(config_dir()), config_name=verb)(task)()
 
 

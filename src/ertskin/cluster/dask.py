@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
-from ertskin.errors import UserError
+from ertskin.errors import JobFailed, UserError
 
 Result = TypeVar("Result")
 
@@ -26,22 +27,33 @@ class DaskCluster:
     slurm: dict[str, Any] | None = None
 
     def spread(self, compute: Callable[[int], Result], numbers: Iterable[int]) -> Iterator[tuple[int, Result]]:
-        """Yield ``(number, compute(number))`` as done; ``UserError`` where Dask or its scheduler can't be had."""
+        """Yield ``(number, compute(number))`` as done; an exception in a worker is raised here.
+
+        Raises ``UserError`` where Dask or its scheduler can't be had, ``JobFailed`` for a piece that lost four workers.
+        """
         try:
-            from distributed import as_completed
+            from distributed import KilledWorker, as_completed
         except ImportError:
             raise UserError("cluster=dask needs Dask: pip install 'ertskin[cluster]'") from None
         with ExitStack() as stack:
             client = self._client(stack)
-            shared = client.scatter(compute, broadcast=True)
-            futures = [client.submit(_call, shared, number, pure=False, retries=2) for number in numbers]
+            # A task of its own: sent once, passed on from worker to worker, and made again where its keeper died.
+            shared = client.submit(_given, compute, pure=False)
+            futures = [client.submit(_call, shared, number, pure=False) for number in numbers]
             for future in as_completed(futures):
-                yield future.result()
+                try:
+                    yield future.result()
+                except KilledWorker as error:
+                    raise JobFailed(f"workers keep dying, perhaps for want of memory: {error}") from None
                 future.release()
 
     def _client(self, stack: ExitStack) -> Any:
+        import dask
         from distributed import Client, LocalCluster
 
+        logging.getLogger("distributed").setLevel(logging.WARNING)
+        # A worker that samples its own stack a hundred times a second spends its start-up on that.
+        stack.enter_context(dask.config.set({"distributed.worker.profile.enabled": False}))
         if self.address is not None:
             try:
                 return stack.enter_context(Client(self.address, timeout=10))
@@ -63,6 +75,10 @@ def _slurm(settings: dict[str, Any]) -> Any:
     except ImportError:
         raise UserError("cluster=slurm needs dask-jobqueue: pip install 'ertskin[cluster]'") from None
     return SLURMCluster(**settings)
+
+
+def _given(compute: Callable[[int], Result]) -> Callable[[int], Result]:
+    return compute
 
 
 def _call(compute: Callable[[int], Result], number: int) -> tuple[int, Result]:

@@ -5,26 +5,37 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
 from dataclasses import dataclass
 from multiprocessing import get_context
 from typing import Any, TypeVar
 
 from threadpoolctl import threadpool_limits
 
+from ertskin.errors import JobFailed
+
 Result = TypeVar("Result")
 THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+MOST_LOSSES = 3
 
 _compute: Callable[[int], Any] | None = None
 
 
 @dataclass(frozen=True)
 class LocalCluster:
-    """``workers`` processes; 0 takes one per core. A single worker works in this process."""
+    """``workers`` processes; 0 takes one per core. A single worker works in this process.
+
+    A process that dies takes the others with it, as Python's pools do; what they had not finished is begun again.
+    """
 
     workers: int = 0
 
     def spread(self, compute: Callable[[int], Result], numbers: Iterable[int]) -> Iterator[tuple[int, Result]]:
-        """Yield ``(number, compute(number))`` as done; an exception in a worker is raised here."""
+        """Yield ``(number, compute(number))`` as done; an exception in a worker is raised here.
+
+        Raises ``JobFailed`` where processes died ``MOST_LOSSES`` times.
+        """
         todo = list(numbers)
         workers = min(self.workers or os.cpu_count() or 1, len(todo))
         if workers <= 1:
@@ -32,20 +43,38 @@ class LocalCluster:
                 for number in todo:
                     yield number, compute(number)
             return
-        # The variables must be set before a child loads its BLAS; threads of two busy processes fight otherwise.
-        before = {name: os.environ.get(name) for name in THREAD_VARIABLES}
-        os.environ.update(dict.fromkeys(THREAD_VARIABLES, "1"))
+        losses = 0
+        while todo:
+            try:
+                for number, result in _pooled(compute, todo, workers):
+                    todo.remove(number)
+                    yield number, result
+            except BrokenProcessPool:
+                losses += 1
+                if losses == MOST_LOSSES:
+                    raise JobFailed("worker processes keep dying, perhaps for want of memory") from None
+
+
+def _pooled(compute: Callable[[int], Result], todo: list[int], workers: int) -> Iterator[tuple[int, Result]]:
+    with _one_thread_each(), ProcessPoolExecutor(workers, get_context("spawn"), _remember, (compute,)) as pool:
+        waiting = {pool.submit(_call, number): number for number in todo}
         try:
-            with ProcessPoolExecutor(workers, get_context("spawn"), _remember, (compute,)) as pool:
-                waiting = {pool.submit(_call, number): number for number in todo}
-                try:
-                    for done in as_completed(waiting):
-                        yield waiting[done], done.result()
-                finally:
-                    pool.shutdown(wait=False, cancel_futures=True)
+            for done in as_completed(waiting):
+                yield waiting[done], done.result()
         finally:
-            for name, value in before.items():
-                os.environ.pop(name) if value is None else os.environ.__setitem__(name, value)
+            pool.shutdown(wait=False, cancel_futures=True)
+
+
+@contextmanager
+def _one_thread_each() -> Iterator[None]:
+    """Set before a child loads its BLAS: threads of two busy processes fight."""
+    before = {name: os.environ.get(name) for name in THREAD_VARIABLES}
+    os.environ.update(dict.fromkeys(THREAD_VARIABLES, "1"))
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            os.environ.pop(name) if value is None else os.environ.__setitem__(name, value)
 
 
 def _remember(compute: Callable[[int], Any]) -> None:

@@ -1,42 +1,130 @@
 """Say what physics a recording shows that the simulator leaves out.
 
 ``recording=FILE out=DIR`` writes diagnosis.json, report.html with figures, and the effects found as a choice for
-synthesize and train: effects=NAME, NAME being the recording's.
+synthesize and train: effects=NAME, NAME being the recording's. Many at once, each on its own worker of the cluster:
+recording=[A.h5,B.h5] or recording='FOLDER/*.h5'; every one then has its own folder below out.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from omegaconf import DictConfig
+    from rich.console import Console
+
+    from ertskin.diagnosis.claims import Diagnosis
 
 EFFECTS = Path("runs/conf")
+Report = Callable[[float | None, str], None]
 
 
 def run(config: DictConfig) -> None:
-    """Diagnose ``config.recording`` and write what was found into ``config.out``."""
+    """Diagnose ``config.recording``, one or many, and write what was found into ``config.out``."""
     from rich.console import Console
 
-    from ertskin.diagnosis.any_recording import diagnose_any
-    from ertskin.diagnosis.progress import progress_bar
-    from ertskin.diagnosis.report import write_report
-    from ertskin.diagnosis.summary import print_summary
-    from ertskin.diagnosis.written import config_name, write_diagnosis, write_effects
-    from hardware.recording import read_recording
+    sources = _recordings(config.recording)
+    if len(sources) == 1:
+        _diagnose_one(config, sources[0], Console())
+    else:
+        _diagnose_many(config, sources, Console())
 
-    console, source = Console(), Path(config.recording)
-    recording = read_recording(source)
-    name = config_name(source)
-    out = Path(config.out) if config.out else Path("runs/diagnose") / name
-    with progress_bar(console) as report:
-        findings = diagnose_any(recording, source.name, report, config.physics.resolution)
+
+@dataclass(frozen=True)
+class Diagnoses:
+    """Diagnoses recording ``number`` of ``sources`` into its folder; travels to workers that see the same files."""
+
+    sources: tuple[Path, ...]
+    folders: tuple[Path, ...]
+    effects: Path
+    resolution: str
+
+    def __call__(self, number: int) -> Diagnosis | str:
+        """The diagnosis, or the line that says why there is none: one bad file must not end the others."""
+        from ertskin.errors import JobFailed, UserError
+        from hardware.recording import RecordingError
+
+        try:
+            return self.diagnosed(number, lambda share, text: None)[0]
+        except (UserError, JobFailed, RecordingError) as error:
+            return " ".join(str(error).split())
+
+    def diagnosed(self, number: int, report: Report) -> tuple[Diagnosis, list[Path]]:
+        """The diagnosis and the files written; ``report(share, text)`` follows it."""
+        from ertskin.diagnosis.any_recording import diagnose_any
+        from ertskin.diagnosis.report import write_report
+        from ertskin.diagnosis.written import config_name, write_diagnosis, write_effects
+        from hardware.recording import read_recording
+
+        source, out = self.sources[number], self.folders[number]
+        name = config_name(source)
+        findings = diagnose_any(read_recording(source), source.name, report, self.resolution)
         report(0.95, "writing the report")
         effects = tuple(claim.effect for claim in findings.diagnosis.claims)
-        written = [write_effects(out, name, effects, source.name), write_effects(EFFECTS, name, effects, source.name)]
-        written.append(write_report(out, findings))
-        written.append(write_diagnosis(out, findings.diagnosis))
-    print_summary(console, findings.diagnosis)
+        written = [write_effects(folder, name, effects, source.name) for folder in (out, self.effects)]
+        written += [write_report(out, findings), write_diagnosis(out, findings.diagnosis)]
+        return findings.diagnosis, written
+
+
+def _diagnose_one(config: DictConfig, source: Path, console: Console) -> None:
+    from ertskin.diagnosis.progress import progress_bar
+    from ertskin.diagnosis.summary import print_summary
+    from ertskin.diagnosis.written import config_name
+
+    out = Path(config.out) if config.out else Path("runs/diagnose") / config_name(source)
+    with progress_bar(console) as report:
+        diagnosis, written = Diagnoses((source,), (out,), EFFECTS, config.physics.resolution).diagnosed(0, report)
+    print_summary(console, diagnosis)
     for path in written:
         console.print(str(path), soft_wrap=True, highlight=False)
+
+
+def _diagnose_many(config: DictConfig, sources: tuple[Path, ...], console: Console) -> None:
+    import hydra
+
+    from ertskin.diagnosis.summary import print_summary
+    from ertskin.diagnosis.written import config_name
+    from ertskin.errors import JobFailed, UserError
+    from ertskin.progress import counting
+
+    names = [config_name(source) for source in sources]
+    if len(set(names)) < len(names):
+        raise UserError(f"recordings with the same name would write into the same folder: {', '.join(sorted(names))}")
+    out = Path(config.out or "runs/diagnose").resolve()
+    # A worker may run in another directory.
+    pieces = Diagnoses(
+        tuple(source.resolve() for source in sources),
+        tuple(out / name for name in names),
+        EFFECTS.resolve(),
+        config.physics.resolution,
+    )
+    failed = 0
+    with counting("diagnosing") as progress:
+        spread = hydra.utils.instantiate(config.cluster).spread(pieces, range(len(sources)))
+        for done, (number, diagnosis) in enumerate(spread, 1):
+            console.print(f"\n{sources[number]}", soft_wrap=True, highlight=False)
+            if isinstance(diagnosis, str):
+                failed += 1
+                console.print(f"FAILED: {diagnosis}", soft_wrap=True, highlight=False)
+            else:
+                print_summary(console, diagnosis)
+                console.print(str(pieces.folders[number]), soft_wrap=True, highlight=False)
+            progress(done, len(sources))
+    if failed:
+        raise JobFailed(f"{failed} of {len(sources)} recordings could not be diagnosed")
+
+
+def _recordings(given: object) -> tuple[Path, ...]:
+    """Files of a path, a list of paths, or a pattern with ``*``; ``UserError`` where a pattern matches none."""
+    from glob import glob
+
+    from ertskin.errors import UserError
+
+    words = [given] if isinstance(given, str) else list(given)  # type: ignore[call-overload]
+    found = [path for word in words for path in (sorted(glob(word)) if "*" in word else [word])]
+    if not found:
+        raise UserError(f"no recording matches {', '.join(words)}")
+    return tuple(Path(path) for path in found)

@@ -2,11 +2,19 @@
 
 import os
 import signal
+import subprocess
+import sys
+import time
 
 import numpy as np
 import pytest
 
 from ertskin.cluster import LocalCluster
+from ertskin.data.synthesis import Plan, synthesize
+from ertskin.errors import JobFailed
+from physics.sensor import taxel_grid_m
+
+WITHOUT_DASK = "Dask is an extra: pip install 'ertskin[cluster]'"
 
 
 def draw(number):
@@ -30,6 +38,29 @@ class DiesOnce:
         return draw(number)
 
 
+class AlwaysDies:
+    """Kills its worker whenever it is asked for piece 2."""
+
+    def __call__(self, number):
+        if number == 2:
+            os.kill(os.getpid(), signal.SIGKILL)
+        return draw(number)
+
+
+class Bowl:
+    """A skin that is quick to simulate; kills its worker once, in the middle of a set."""
+
+    def __init__(self, marker=None):
+        self.marker = marker
+
+    def change_ohm(self, contact_m, force_n):
+        if self.marker is not None and (force_n > 5).any() and not self.marker.exists():
+            self.marker.touch()
+            os.kill(os.getpid(), signal.SIGKILL)
+        force, place = np.nan_to_num(force_n), np.nan_to_num(contact_m)
+        return np.stack([force.sum(axis=1), np.exp(-force * place[..., 0]).sum(axis=1), (force**2).sum(axis=1)], axis=1)
+
+
 def as_dict(cluster, compute=draw):
     return {number: value.tolist() for number, value in cluster.spread(compute, range(5))}
 
@@ -44,16 +75,81 @@ def test_a_workers_error_is_raised_here():
         list(LocalCluster(2).spread(fails, range(3)))
 
 
+def test_a_process_that_dies_costs_only_what_was_not_done(tmp_path):
+    assert as_dict(LocalCluster(2), DiesOnce(tmp_path / "died")) == {k: draw(k).tolist() for k in range(5)}
+    assert (tmp_path / "died").exists()
+
+
+def test_processes_that_keep_dying_are_given_up():
+    with pytest.raises(JobFailed, match="keep dying"):
+        list(LocalCluster(2).spread(AlwaysDies(), range(5)))
+
+
 def test_dask_gives_the_same_also_when_a_worker_is_killed(tmp_path):
-    pytest.importorskip("distributed", reason="Dask is an extra: pip install 'ertskin[cluster]'")
+    pytest.importorskip("distributed", reason=WITHOUT_DASK)
     from ertskin.cluster.dask import DaskCluster
 
     assert as_dict(DaskCluster(workers=2), DiesOnce(tmp_path / "died")) == {k: draw(k).tolist() for k in range(5)}
     assert (tmp_path / "died").exists()
 
 
+def test_dasks_only_worker_may_die(tmp_path):
+    pytest.importorskip("distributed", reason=WITHOUT_DASK)
+    from ertskin.cluster.dask import DaskCluster
+
+    assert as_dict(DaskCluster(workers=1), DiesOnce(tmp_path / "died")) == {k: draw(k).tolist() for k in range(5)}
+
+
+@pytest.fixture
+def scheduler(tmp_path):
+    """A scheduler and two workers without a keeper, each a process of its own; gives its address."""
+    pytest.importorskip("distributed", reason=WITHOUT_DASK)
+    file, environment = tmp_path / "scheduler.json", {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    begin = [sys.executable, "-m", "distributed.cli.dask_scheduler", "--no-dashboard", "--host", "127.0.0.1"]
+    join = [sys.executable, "-m", "distributed.cli.dask_worker", "--no-nanny", "--no-dashboard", "--nthreads", "1"]
+    commands = [[*begin, "--port", "0"], join, join]
+    processes = [
+        subprocess.Popen([*command, "--scheduler-file", str(file)], env=environment, stderr=subprocess.DEVNULL)
+        for command in commands
+    ]
+    try:
+        deadline = time.monotonic() + 120
+        while not file.exists() or not file.stat().st_size:
+            assert time.monotonic() < deadline
+            time.sleep(0.05)
+        yield file, processes
+    finally:
+        for process in processes:
+            process.kill()
+            process.wait()
+
+
+def test_trials_from_a_scheduler_are_those_of_one_process_though_a_worker_was_killed(tmp_path, scheduler):
+    import json
+
+    from distributed import Client
+
+    from ertskin.cluster.dask import DaskCluster
+
+    file, processes = scheduler
+    address = json.loads(file.read_text())["address"]
+    with Client(address) as client:
+        client.wait_for_workers(2, timeout=120)
+    plan, taxel_m = Plan(steps=5, trials=170, denoiser_trials=20, shard=20), taxel_grid_m((0.06, 0.06), 3, 3)
+
+    def made(folder, forward, cluster):
+        return synthesize(tmp_path / folder, {"skin": "bowl"}, plan, taxel_m, lambda: forward, cluster)
+
+    here = made("here", Bowl(), LocalCluster(1))
+    there = made("there", Bowl(tmp_path / "died"), DaskCluster(address))
+    assert (tmp_path / "died").exists()
+    assert sum(process.poll() is None for process in processes) == 2
+    assert there[2] == here[2]
+    assert np.array_equal(there[0].change_ohm, here[0].change_ohm)
+
+
 def test_a_scheduler_that_is_not_there_is_said(tmp_path):
-    pytest.importorskip("distributed", reason="Dask is an extra: pip install 'ertskin[cluster]'")
+    pytest.importorskip("distributed", reason=WITHOUT_DASK)
     from ertskin.cluster.dask import DaskCluster
     from ertskin.errors import UserError
 

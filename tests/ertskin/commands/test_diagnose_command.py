@@ -1,0 +1,65 @@
+"""``ertskin diagnose`` of one recording or many: the same files wherever they were made."""
+
+import json
+import shutil
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from ertskin import cli
+from hardware.recording import write_recording
+
+sys.path.insert(0, str(Path(__file__).parents[2] / "hardware"))
+from example_recording import example
+
+NAMES = ("first", "second", "third")
+
+
+@pytest.fixture
+def recordings(tmp_path, monkeypatch):
+    """Recordings that hold neither scans nor a coupon, so that a diagnosis is quick: there is none."""
+    monkeypatch.chdir(tmp_path)
+    for seed, name in enumerate(NAMES):
+        write_recording(Path(f"{name}.h5"), replace(example(seed), frames=None, coupon=None))
+    return tmp_path
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    return {str(path.relative_to(folder)): path.read_bytes() for path in sorted(folder.rglob("*")) if path.is_file()}
+
+
+def test_many_at_once_give_what_one_by_one_gives(recordings, capsys):
+    for name in NAMES:
+        assert cli.main(["diagnose", f"recording={name}.h5", f"out=single/{name}"]) == 0
+    written = contents(Path("runs/conf"))
+    shutil.rmtree("runs/conf")
+    assert cli.main(["diagnose", "recording=*.h5", "out=many", "cluster.workers=2"]) == 0
+    assert contents(Path("many")) == contents(Path("single"))
+    assert contents(Path("runs/conf")) == written
+    assert json.loads(Path("many/second/diagnosis.json").read_text())["verdict"] == "cannot_tell"
+    assert capsys.readouterr().out.count("cannot_tell") == 2 * len(NAMES)
+
+
+def test_a_bad_file_costs_only_itself(recordings, capsys):
+    Path("second.h5").write_bytes(b"no recording")
+    assert cli.main(["diagnose", "recording=[first.h5,second.h5]", "out=many", "cluster.workers=1"]) == 1
+    assert Path("many/first/diagnosis.json").is_file()
+    assert not Path("many/second").exists()
+    shown = capsys.readouterr()
+    assert "FAILED" in shown.out
+    assert shown.err.endswith("1 of 2 recordings could not be diagnosed\n")
+
+
+def test_dask_gives_the_same(recordings):
+    pytest.importorskip("distributed", reason="Dask is an extra: pip install 'ertskin[cluster]'")
+    assert cli.main(["diagnose", "recording=[first.h5,third.h5]", "out=here", "cluster.workers=1"]) == 0
+    assert cli.main(["diagnose", "recording=[first.h5,third.h5]", "out=there", "cluster=dask"]) == 0
+    assert contents(Path("there")) == contents(Path("here"))
+
+
+@pytest.mark.parametrize("asked", ["recording='nothing*.h5'", "recording=[first.h5,./first.h5]"])
+def test_what_cannot_be_asked_is_said(recordings, capsys, asked):
+    assert cli.main(["diagnose", asked]) == 2
+    assert "recording" in capsys.readouterr().err
