@@ -111,8 +111,14 @@ class Skin:
         center = self.sensor.extent_m.mean(axis=0)
         return reduce(lambda c, e: e.contact_m(c, center), _of(self.effects, PlacementEffect), commanded_m)
 
+    def felt_n(self, force_n: Array) -> Array:
+        """(...,) force in newton that reaches the sheet as pressure, of forces (...,) on the indenter."""
+        foam_m = self.sensor.layers[0].thickness_m if self.sensor.layers else np.nan
+        return reduce(lambda f, e: e.felt_n(f, self.pad_n_per_m, foam_m), _of(self.effects, FoamEffect), force_n)
+
     def pressure_pa(self, position_m: Array, contact_m: Array, force_n: Array) -> Array:
         """(T,N) interface pressure at points (N,2) under forces (T,P) at true positions (T,P,2); NaN: no contact."""
+        force_n = self.felt_n(force_n)
         total = np.zeros((len(force_n), len(position_m)))
         there = np.isfinite(contact_m).all(axis=-1) & (np.nan_to_num(force_n) > 0)
         for spot in np.unique(contact_m[there], axis=0):

@@ -33,6 +33,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seed", type=int, default=1, help="another seed, another suite")
     parser.add_argument("--jobs", type=int, default=1, help="processes, one BLAS thread each")
     parser.add_argument("--only", nargs="*", help="names of cases, all without it")
+    parser.add_argument("--plan", help="record on this plan (quick: 12 presses) instead of the suite's own")
 
 
 def chosen(options: argparse.Namespace) -> list[Case]:
@@ -41,7 +42,10 @@ def chosen(options: argparse.Namespace) -> list[Case]:
     unknown = set(options.only or ()) - {case.name for case in cases}
     if unknown:
         raise SystemExit(f"no case named {sorted(unknown)} in this suite of {len(cases)}")
-    return [case for case in cases if not options.only or case.name in options.only]
+    picked = [case for case in cases if not options.only or case.name in options.only]
+    if options.plan is None:
+        return picked
+    return [case if case.kind == "blind" else replace(case, plan=options.plan) for case in picked]
 
 
 def write_case(case: Case, out: Path) -> str:

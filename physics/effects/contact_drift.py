@@ -27,5 +27,5 @@ class ContactDrift(ElectrodeEffect):
 
     def contact_resistance_ohm(self, resistance_ohm: Array, pad_pressure_pa: Array, time_s: Array) -> Array:
         drifted = resistance_ohm.copy()
-        drifted[:, self.electrode] += np.interp(time_s - time_s[0], self.knot_s, self.ohm)
+        drifted[:, self.electrode] += np.interp(time_s, self.knot_s, self.ohm)
         return np.maximum(drifted, 1e-3)

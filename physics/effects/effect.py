@@ -125,6 +125,10 @@ class FoamEffect(Effect):
         """(T,) the pad's force in newton, from the force (T,) of the effects before this one."""
         raise NotImplementedError
 
+    def felt_n(self, force_n: Array, pad_n_per_m: float, foam_m: float) -> Array:
+        """(...,) force in newton that reaches the sheet as pressure, of forces (...,) on the indenter."""
+        return force_n
+
 
 @dataclass(frozen=True)
 class PlacementEffect(Effect):

@@ -18,6 +18,7 @@ class FoamHysteresis(FoamEffect):
     """Force times 1 + loss z, z from +1 (loading) to -1 (unloading): a stop operator in the logarithm of the force.
 
     z changes by 2/``reversal`` per unit of the logarithm of the elastic force and starts at +1 with every touch.
+    ``driven_by`` "sinking" puts the sinking in the force's place: walls that buckle and snap follow the strain.
     """
 
     name: ClassVar[str] = "foam_hysteresis"
@@ -25,21 +26,28 @@ class FoamHysteresis(FoamEffect):
     order: ClassVar[int] = 2
 
     loss: float = parameter("1", 0.0, 0.8, 0.0, 0.03, "half the loop's height over the mean force")
-    reversal: float = parameter("1", 0.005, 2.0, 0.1, 0.05, "relative force over which it turns round", defining=False)
+    reversal: float = parameter("1", 0.005, 5.0, 0.1, 0.05, "relative force over which it turns round", defining=False)
+
+    driven_by: str = "force"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.driven_by not in ("force", "sinking"):
+            raise ValueError(f"{self.name}.driven_by must be 'force' or 'sinking', not {self.driven_by!r}")
 
     def reaction_n(self, force_n: Array, strokes: Strokes) -> Array:
-        log_force = np.log(np.maximum(force_n, _CONTACT))
+        drive = force_n if self.driven_by == "force" else strokes.sink_m / strokes.foam_m
         goes_on = strokes.touched.copy()
         goes_on[1:] &= strokes.touched[:-1] & (strokes.place[1:] == strokes.place[:-1])
         goes_on[:1] = False
-        return force_n * (1 + self.loss * _stop(log_force, goes_on, 2 / self.reversal))
+        return force_n * (1 + self.loss * _stop(np.log(np.maximum(drive, _CONTACT)), goes_on, 2 / self.reversal))
 
 
 @njit(cache=True)
-def _stop(log_force, goes_on, rate):  # type: ignore[no-untyped-def]
-    side = np.ones(len(log_force))
-    for t in range(1, len(log_force)):
+def _stop(log_drive, goes_on, rate):  # type: ignore[no-untyped-def]
+    side = np.ones(len(log_drive))
+    for t in range(1, len(log_drive)):
         if goes_on[t]:
-            moved = side[t - 1] + rate * (log_force[t] - log_force[t - 1])
+            moved = side[t - 1] + rate * (log_drive[t] - log_drive[t - 1])
             side[t] = min(max(moved, -1.0), 1.0)
     return side

@@ -17,6 +17,8 @@ class FoamSoftening(FoamEffect):
 
     Within the first press, unloading keeps the part ``kept`` of the excess (0: Mullins' softening at once, 1: the whole
     first cycle stays stiff). In the n-th press of the same place v is exp(-n/``presses``) at sinkings seen before.
+    Softened foam comes back to the virgin curve as it nears its deepest sinking d: v is at least
+    exp(-(1 - s/d)/``rejoin``), all at once at d where ``rejoin`` is 0.
     """
 
     name: ClassVar[str] = "foam_softening"
@@ -28,16 +30,26 @@ class FoamSoftening(FoamEffect):
         "1", 0.0, 1.0, 1.0, 0.2, "part of the excess that lasts to the end of a press", defining=False
     )
     presses: float = parameter("1", 0.05, 50.0, 0.3, 0.3, "presses over which the excess fades", defining=False)
+    rejoin: float = parameter(
+        "1", 0.0, 3.0, 0.0, 0.2, "part of the deepest sinking over which it nears the virgin curve", defining=False
+    )
 
     def reaction_n(self, force_n: Array, strokes: Strokes) -> Array:
         factor = _softened(
-            strokes.sink_m, strokes.touched, strokes.place, strokes.press, self.excess, self.kept, self.presses
+            strokes.sink_m,
+            strokes.touched,
+            strokes.place,
+            strokes.press,
+            self.excess,
+            self.kept,
+            self.presses,
+            max(self.rejoin, 1e-9),
         )
         return np.asarray(force_n * factor)
 
 
 @njit(cache=True)
-def _softened(sink, touched, place, press, excess, kept, presses):  # type: ignore[no-untyped-def]
+def _softened(sink, touched, place, press, excess, kept, presses, rejoin):  # type: ignore[no-untyped-def]
     factor = np.ones(len(sink))
     places = max(place.max() + 1, 1)
     deepest, earlier = np.zeros(places), np.zeros(places)
@@ -52,6 +64,9 @@ def _softened(sink, touched, place, press, excess, kept, presses):  # type: igno
             current[p] = press[t]
         virgin = 1.0 if sink[t] > earlier[p] else np.exp(-count[p] / presses)
         unloading = earlier[p] < sink[t] < deepest[p]
-        factor[t] = 1 + excess * (virgin * kept if unloading else virgin)
+        left = virgin * kept if unloading else virgin
+        if sink[t] < deepest[p]:
+            left = max(left, np.exp(-(1 - sink[t] / deepest[p]) / rejoin))
+        factor[t] = 1 + excess * left
         deepest[p] = max(deepest[p], sink[t])
     return factor

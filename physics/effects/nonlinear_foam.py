@@ -9,10 +9,17 @@ import numpy as np
 
 from physics.effects.effect import Array, FoamEffect, Strokes, parameter
 
+NEWTON_STEPS = 8
+"""From the whole force downwards on a convex curve: more than rounding needs."""
+
 
 @dataclass(frozen=True)
 class NonlinearFoam(FoamEffect):
-    """Force times 1 + stiffening (s/h)^exponent, s the sinking and h the foam's thickness."""
+    """Force times 1 + stiffening (s/h)^exponent, s the sinking and h the foam's thickness.
+
+    ``carried`` is the share of the added force that the sheet doesn't feel: at 0 all of it arrives as pressure, at 1
+    the pressure is that of the linear pad at the same sinking. Force and depth can't tell, the readings can.
+    """
 
     name: ClassVar[str] = "nonlinear_foam"
     source: ClassVar[str] = (
@@ -22,7 +29,18 @@ class NonlinearFoam(FoamEffect):
 
     stiffening: float = parameter("1", -0.9, 20.0, 0.0, 0.1, "relative stiffening at a sinking of one foam thickness")
     exponent: float = parameter("1", 0.5, 6.0, 2.0, 0.2, "power of the sinking", defining=False)
+    carried: float = parameter("1", -1.0, 2.0, 0.0, 0.2, "added force that is no pressure on the sheet", defining=False)
 
     def reaction_n(self, force_n: Array, strokes: Strokes) -> Array:
         sink = np.clip(strokes.sink_m / strokes.foam_m, 0.0, None)
         return force_n * (1 + self.stiffening * sink**self.exponent)
+
+    def felt_n(self, force_n: Array, pad_n_per_m: float, foam_m: float) -> Array:
+        if self.carried == 0 or self.stiffening == 0 or not np.isfinite(pad_n_per_m):
+            return force_n
+        linear = np.array(np.nan_to_num(force_n), dtype=float)
+        for _ in range(NEWTON_STEPS):
+            added = self.stiffening * (linear / (pad_n_per_m * foam_m)) ** self.exponent
+            wrong = linear * (1 + added) - np.nan_to_num(force_n)
+            linear = np.maximum(linear - wrong / np.maximum(1 + (1 + self.exponent) * added, 0.1), 0.0)
+        return force_n - self.carried * (force_n - linear)

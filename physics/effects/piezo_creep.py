@@ -19,7 +19,7 @@ class PiezoCreep(PiezoEffect):
     source: ClassVar[str] = "Standard linear solid in compliance; FSR drift, Hollinger & Wanderley (NIME 2006)"
     order: ClassVar[int] = 3
 
-    fraction: float = parameter("1", -0.5, 2.0, 0.0, 0.02, "extra pressure felt after a long hold, over the pressure")
+    fraction: float = parameter("1", 0.0, 2.0, 0.0, 0.02, "extra pressure felt after a long hold, over the pressure")
     time_s: float = parameter("s", 0.05, 5000.0, 5.0, 1.0, "time constant", defining=False)
 
     remembers_air: bool = False

@@ -13,9 +13,10 @@ from physics.history import History, Phase
 
 @dataclass(frozen=True)
 class ScanSkew(Effect):
-    """While loading or unloading the stage goes on at ``speed_m_per_s`` from the commanded depth during the scan.
+    """While loading or unloading the stage moves at ``speed_m_per_s``, at the commanded depth ``at_s`` into the scan.
 
-    It never goes beyond the press's deepest command nor above the surface.
+    At 0 it goes on from the command, at the scan's end it arrives there, between the scan sees it come and go. It never
+    goes beyond the press's deepest command nor above the surface.
     """
 
     name: ClassVar[str] = "scan_skew"
@@ -23,12 +24,14 @@ class ScanSkew(Effect):
     source: ClassVar[str] = "A multiplexed scan takes longer than the press stands still; clock skew in tomography"
 
     speed_m_per_s: float = parameter("m/s", 0.0, 0.02, 0.0, 1e-4, "how fast the stage moves during the scan")
+    at_s: float = parameter("s", -5.0, 5.0, 0.0, 0.05, "moment of the scan at the commanded depth", defining=False)
 
     def depth_m(self, history: History, after_s: Array) -> Array:
         """(T,S,P) depth in metre at ``after_s`` (S,) into every scan."""
         direction = np.where(history.phase == Phase.LOADING, 1.0, 0.0)
         direction = np.where(history.phase == Phase.UNLOADING, -1.0, direction)
-        moved = history.depth_m[:, None, :] + self.speed_m_per_s * direction[:, None, None] * after_s[:, None]
+        way_m = direction[:, None, None] * self.speed_m_per_s * (after_s - self.at_s)[:, None]
+        moved = history.depth_m[:, None, :] + way_m
         return np.clip(moved, 0.0, deepest_m(history)[:, None, :])
 
 

@@ -12,14 +12,19 @@ from physics.effects.effect import Array, SheetEffect, parameter
 
 @dataclass(frozen=True)
 class TemperatureDrift(SheetEffect):
-    """Sheet resistance times exp(rate t + bend t^2), t from the recording's first frame, pressed or not."""
+    """Sheet resistance times exp(rate s(t) + bend t^2), t counted from 0, pressed or not.
+
+    s(t) = settle (1 - exp(-t/settle)): a room that comes to rest; with a long time to settle it is t itself.
+    """
 
     name: ClassVar[str] = "temperature_drift"
     source: ClassVar[str] = "PPy-coated fabric changes by about -0.6 %/K; a room by kelvins an hour"
 
     rate_per_h: float = parameter("1/h", -5.0, 5.0, 0.0, 0.02, "relative change of resistance per hour at the start")
     bend_per_h2: float = parameter("1/h^2", -50.0, 50.0, 0.0, 0.1, "how the rate changes")
+    settle_h: float = parameter("h", 0.005, 1000.0, 1000.0, 0.1, "time constant of settling", defining=False)
 
     def drift(self, time_s: Array) -> Array:
-        hours = (time_s - time_s[0]) / 3600.0
-        return np.asarray(np.exp(self.rate_per_h * hours + self.bend_per_h2 * hours**2))
+        hours = time_s / 3600.0
+        settled = -self.settle_h * np.expm1(-hours / self.settle_h)
+        return np.asarray(np.exp(self.rate_per_h * settled + self.bend_per_h2 * hours**2))

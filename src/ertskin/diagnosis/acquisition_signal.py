@@ -78,4 +78,4 @@ class AcquisitionSignal:
     def residual(self, skin: Skin) -> Array:
         """(n, K*M) leftover not explained, in units of the noise."""
         found = self.evidence.leftover_v[self.rows].reshape(len(self.rows), -1).astype(float)
-        return np.asarray((found - self.leftover(skin)) / self.evidence.noise_v)
+        return np.asarray((found - self.leftover(skin)) / self.evidence.leftover_noise_v)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from ertskin.diagnosis.evidence import CannotTell, Evidence
 from ertskin.diagnosis.force_fit import ForceData, ForceFit, select_force_effects
 from ertskin.diagnosis.specimen_signal import SpecimenSignal
+from ertskin.diagnosis.specimen_stage import SpecimenFinding, SpecimenTest, specimen_findings
 from hardware.recording import Recording
 from physics.calibration.indenter_support import indenter_support
 from physics.calibration.specimen import fit_specimen
@@ -22,11 +23,17 @@ Array = NDArray[np.float64]
 FORCE_SIGNIFICANT = 10.0
 FORCE_MATERIAL = 1.05
 ROUNDS = 30
+ENOUGH_RESTS = 5
+COLOURED = 0.05
+"""Excess of the rest frames' scatter over the readings' noise that is taken for coloured noise."""
 
 
 @dataclass(frozen=True, eq=False)
 class Baseline:
-    """``skin`` calibrated at rest, the force stage without and with its effects, forces (T,C) that drive it."""
+    """``skin`` calibrated at rest, the force stage without and with its effects, forces (T,C) that drive it.
+
+    ``noise_v`` of a whitened scan's numbers and ``stray`` (P,k), as the rest frames scatter.
+    """
 
     skin: Skin
     force_plain: ForceFit | None
@@ -34,9 +41,11 @@ class Baseline:
     force_noise_n: float
     force_n: Array
     specimen: SpecimenSignal
-    hysteresis_of_specimen: float
+    specimen_findings: tuple[SpecimenFinding, ...]
     drift: tuple[Effect, ...]
     rest_ratio: float
+    noise_v: float
+    stray: Array
 
 
 def calibrated(recording: Recording, evidence: Evidence, resolution: str = "fine") -> Baseline:
@@ -60,12 +69,14 @@ def calibrated(recording: Recording, evidence: Evidence, resolution: str = "fine
     plain, best = _force_stage(evidence, support, share, noise_n)
     contacts = np.full(evidence.protocol.electrodes, max(evidence.sensor.contact_resistance_guess_ohm, 10.0))
     skin = Skin.build(evidence.sensor, evidence.protocol, law.law, contacts, support, (), resolution)
-    skin, ratio, drift = _rested(skin, evidence)
+    skin, ratio, drift, noise_v, stray = _rested(skin, evidence)
     if best is not None:
         skin = replace(skin, pad_n_per_m=best.pad_n_per_m, effects=(*best.effects, *drift))
     force = _driving_force(evidence, best)
     signal = SpecimenSignal.of(specimen, law.noise_fraction)
-    return Baseline(skin, plain, best, noise_n, force, signal, law.hysteresis, drift, ratio)
+    findings, noise = specimen_findings(SpecimenTest(signal.stress_pa, signal.resistance_ohm_sq, signal.time_s))
+    signal = replace(signal, noise_fraction=noise)
+    return Baseline(skin, plain, best, noise_n, force, signal, tuple(findings), drift, ratio, noise_v, stray)
 
 
 def _force_noise_n(evidence: Evidence, scatter_n: float) -> float:
@@ -126,8 +137,8 @@ def _driving_force(evidence: Evidence, best: ForceFit | None) -> Array:
     return np.where(np.isfinite(measured), predicted if fits else measured, np.nan_to_num(predicted))
 
 
-def _rested(skin: Skin, evidence: Evidence) -> tuple[Skin, float, tuple[Effect, ...]]:
-    """Contact resistances and sheet resistance from the rest frames by Gauss-Newton in logarithms, and their drift."""
+def _rested(skin: Skin, evidence: Evidence) -> tuple[Skin, float, tuple[Effect, ...], float, Array]:
+    """Contact and sheet resistances from the rest frames by Gauss-Newton in logarithms, their drift, and the noise."""
     protocol = evidence.protocol
     good = evidence.rest & np.isfinite(evidence.scan_v).all(axis=1)
     scans = evidence.scan_v[good]
@@ -146,7 +157,29 @@ def _rested(skin: Skin, evidence: Evidence) -> tuple[Skin, float, tuple[Effect, 
     wrong = (mean - scan) / evidence.noise_v * np.sqrt(len(scans))
     ratio = float(np.sqrt((wrong**2).mean()))
     skin = replace(skin, piezo=skin.piezo.scaled(zero), contact_resistance_ohm=contacts)
-    return skin, ratio, _contact_drift(evidence, good, columns, contacts)
+    return skin, ratio, _contact_drift(evidence, good, columns, contacts), *_scatter(scans, columns, evidence.noise_v)
+
+
+def _scatter(scans: Array, columns: Array, reading_v: float) -> tuple[float, Array]:
+    """Noise of a whitened scan's numbers, and the directions (P,k) in which rest frames (R,P) scatter more than that.
+
+    From second differences of the rest frames, in which a steady drift is nothing. Coloured noise weighs more in the
+    scans than in what no network explains; contacts that jitter do so along their ``columns`` (P,n). The median over
+    the frames lets a few odd ones pass, and white noise within its own scatter leaves the reading's noise as it is.
+    """
+    count, width = scans.shape
+    space = np.linalg.qr(columns)[0]
+    freedom = width - space.shape[1]
+    if count < ENOUGH_RESTS or freedom <= 0:
+        return reading_v, np.zeros((width, 0))
+    jump = np.diff(scans, n=2, axis=0) / np.sqrt(6)
+    inside = jump @ space
+    outside = float(np.median(((jump - inside @ space.T) ** 2).sum(axis=1))) / freedom
+    noise_v = max(reading_v, float(np.sqrt(outside))) if outside > ((1 + COLOURED) * reading_v) ** 2 else reading_v
+    size, axes = np.linalg.eigh(inside.T @ inside / len(jump) / noise_v**2)
+    # Beyond what white noise alone gives the largest eigenvalue (Marchenko and Pastur).
+    more = size > (1 + np.sqrt(len(size) / len(jump))) ** 2
+    return noise_v, space @ axes[:, more] * np.sqrt(size[more] - 1)
 
 
 def _contact_drift(evidence: Evidence, good: NDArray[np.bool_], columns: Array, contacts: Array) -> tuple[Effect, ...]:
@@ -159,11 +192,10 @@ def _contact_drift(evidence: Evidence, good: NDArray[np.bool_], columns: Array, 
     moved = (scans - scans.mean(axis=0)) @ inverse.T
     error = evidence.noise_v * np.sqrt((inverse**2).sum(axis=1))
     drifts: list[Effect] = []
-    start = evidence.history.time_s[0]
     for k in range(len(contacts)):
         if moved[:, k].std() > 2.0 * error[k]:
             ohm = contacts[k] * _smoothed(moved[:, k], error[k])
-            drifts.append(ContactDrift(k, tuple((time_s - start).tolist()), tuple(ohm.tolist())))
+            drifts.append(ContactDrift(k, tuple(time_s.tolist()), tuple(ohm.tolist())))
     return tuple(drifts)
 
 

@@ -95,13 +95,15 @@ def _trials(problem: VoltageProblem, present: set[str]) -> list[tuple[Probes, Ca
         trials.append((probes, finish))
 
     plain(PiezoHysteresis(), ("width",), ("width",))
-    for time_s in (1.0, 5.0, 30.0):
-        plain(PiezoCreep(time_s=time_s), ("fraction",), ("fraction", "time_s"))
+    for time_s, remembers in ((1.0, False), (5.0, False), (30.0, False), (30.0, True), (300.0, True)):
+        plain(PiezoCreep(time_s=time_s, remembers_air=remembers), ("fraction",), ("fraction", "time_s"))
     for sensitivity in (2e-5, 3e-4):
         _loaded_contacts(trials, sensitivity, present)
     placement = ("dx_m", "dy_m", "rotation_rad")
     plain(IndenterOffset(), placement, placement)
     plain(TemperatureDrift(), ("rate_per_h", "bend_per_h2"), ("rate_per_h", "bend_per_h2"))
+    for settle_h in (0.03, 0.3):
+        plain(TemperatureDrift(settle_h=settle_h), ("rate_per_h",), ("rate_per_h", "settle_h"))
     plain(SheetAnisotropy(), ("stretch_x", "stretch_diagonal"), ("stretch_x", "stretch_diagonal"))
     slope = ("gradient_x", "gradient_y")
     low, high = problem.evidence.sensor.extent_m
@@ -144,7 +146,7 @@ def _electrodes(problem: VoltageProblem, solved: Solved, partitions: Sequence[Se
                 columns[patch.rows[patch.state_of == k]] = state.pads[:, electrode]
         columns = np.where(problem.weight[:, None, None] > 0, columns / problem.evidence.noise_v, 0.0)
         gain, value = added_gain(
-            problem, solved, problem.discounted(columns), base, specimen, np.zeros((0, 2)), partitions
+            problem, solved, problem.evidence.discounted(columns), base, specimen, np.zeros((0, 2)), partitions
         )
         if not (np.isfinite(gain) and np.isfinite(value).all()):
             continue
@@ -158,7 +160,7 @@ def _instrument(problem: VoltageProblem, solved: Solved) -> list[Candidate]:
     """Effects of the acquisition, by what they'd explain of the readings no network gives."""
     signal = problem.acquisition
     skin = problem.family.skin(solved.calibration, solved.effects)
-    protocol, noise = problem.evidence.protocol, problem.evidence.noise_v
+    protocol, noise = problem.evidence.protocol, problem.evidence.leftover_noise_v
     if protocol.orthonormal.shape[0] <= protocol.orthonormal.shape[1]:
         return []
     wrong = signal.residual(skin)
@@ -200,14 +202,16 @@ def _instrument(problem: VoltageProblem, solved: Solved) -> list[Candidate]:
 
 def _skew(problem: VoltageProblem, solved: Solved, wrong: Array, before: Array) -> list[Candidate]:
     known = ScanSkew.parameters()["speed_m_per_s"]
-    probe = ScanSkew(known.typical)
-    skin = problem.family.skin(solved.calibration, (*solved.effects, probe))
-    column = (problem.acquisition.leftover(skin) - before) / problem.evidence.noise_v
-    gain, share = _one_column(float((column * wrong).sum()), float((column**2).sum()), problem.leftover_share)
-    if share <= 0:
-        return []
-    value = float(np.clip(share * known.typical, 1e-6, 0.9 * known.high))
-    return [Candidate(Term(ScanSkew(value), ("speed_m_per_s",)), gain)]
+    last_s = float(np.max(np.asarray(problem.evidence.protocol.injection_offset_s)))
+    found = []
+    for at_s in (0.0, 0.5 * last_s, last_s):
+        skin = problem.family.skin(solved.calibration, (*solved.effects, ScanSkew(known.typical, at_s)))
+        column = (problem.acquisition.leftover(skin) - before) / problem.evidence.leftover_noise_v
+        gain, share = _one_column(float((column * wrong).sum()), float((column**2).sum()), problem.leftover_share)
+        if share > 0:
+            value = float(np.clip(share * known.typical, 1e-6, 0.9 * known.high))
+            found.append(Candidate(Term(ScanSkew(value, at_s), ("speed_m_per_s", "at_s")), gain))
+    return found
 
 
 def _one_column(along: float, square: float, share: float) -> tuple[float, float]:

@@ -1,226 +1,172 @@
-"""A foam coupon alone: which foam effects its compression test shows."""
+"""A foam coupon alone: which foam effects its compression test shows.
+
+The elastic curve's shape is free: it is the coupon's calibration. What is named is memory. The fast cycles are fitted
+and decide what is named; a slow ramp and hold, where there is one, is predicted and only weighs how sure the names are.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares, nnls
 
-from ertskin.diagnosis.claims import Claim, Diagnosis, Estimate, HeldOut
+from ertskin.diagnosis.claims import (
+    MATERIAL_RATIO,
+    QUANTILE,
+    Claim,
+    Diagnosis,
+    Estimate,
+    HeldOut,
+    confidences,
+    verdict_of,
+)
+from ertskin.diagnosis.compression import Compression, prepared
+from ertskin.diagnosis.coupon_drawing import coupon_figure
+from ertskin.diagnosis.coupon_fit import CouponModel, elastic_model, fit_coupon, memory, rmse_n
 from ertskin.diagnosis.diagnose import Findings
-from hardware.recording import Coupon
-from physics.effects.effect import FoamEffect, Strokes
+from ertskin.diagnosis.drawn import DrawnFindings
+from hardware.measurement import Coupon
+from physics.effects.effect import FoamEffect
 from physics.effects.foam_hysteresis import FoamHysteresis
 from physics.effects.foam_softening import FoamSoftening
-from physics.effects.nonlinear_foam import NonlinearFoam
 from physics.effects.viscoelastic_foam import ViscoelasticFoam
 
 Array = NDArray[np.float64]
+Rows = NDArray[np.bool_]
 
-SAMPLES = 3000
-POWERS = (1.0, 2.0, 3.0, 5.0, 8.0, 12.0)
-"""Powers of the strain in the elastic curve; coefficients are not negative."""
-LADDER: dict[str, FoamEffect] = {
-    "viscoelastic_foam": ViscoelasticFoam(
-        fraction=0.2, time_s=1.0, slow_fraction=0.1, slow_time_s=60.0, remembers_air=True
-    ),
-    "foam_hysteresis": FoamHysteresis(loss=0.05, reversal=0.2),
-    "foam_softening": FoamSoftening(excess=0.1, kept=0.5, presses=1.0),
-}
-
-
-@dataclass(frozen=True, eq=False)
-class CouponTest:
-    """A test thinned to N samples: compression (N,) in metre, force (N,) in newton, which are the fast cycles."""
-
-    time_s: Array
-    sink_m: Array
-    force_n: Array
-    cycle: NDArray[np.int64]
-    fast: NDArray[np.bool_]
-    height_m: float
-
-    @property
-    def strokes(self) -> Strokes:
-        """What the foam went through."""
-        count = len(self.time_s)
-        return Strokes(
-            self.sink_m,
-            self.sink_m,
-            self.time_s,
-            np.ones(count, dtype=bool),
-            np.zeros(count, dtype=np.intp),
-            self.cycle,
-            self.height_m,
-        )
-
-
-def thinned(coupon: Coupon, samples: int = SAMPLES) -> CouponTest:
-    """Reduce a coupon's test; cycles are told apart where the compression turns, fast ones by their speed."""
-    sink = np.clip(coupon.height_m - np.asarray(coupon.gap_m, dtype=float), 0.0, None)
-    time_s, force = np.asarray(coupon.time_s, dtype=float), np.asarray(coupon.force_n, dtype=float)
-    good = np.isfinite(sink) & np.isfinite(force) & np.isfinite(time_s)
-    sink, time_s, force = sink[good], time_s[good], force[good]
-    kept = np.unique(np.linspace(0, len(sink) - 1, samples).astype(int))
-    depth = sink.max()
-    cycle = _cycles(sink, depth)
-    fast = np.arange(len(sink)) < _slow_start(time_s, sink, cycle)
-    return CouponTest(time_s[kept], sink[kept], force[kept], cycle[kept], fast[kept], coupon.height_m)
-
-
-def _cycles(sink_m: Array, depth_m: float) -> NDArray[np.int64]:
-    """(N,) number of the loading cycle each sample belongs to; a new one begins where the compression is least."""
-    number, low = 0, 0
-    cycle = np.zeros(len(sink_m), dtype=np.int64)
-    waiting = False
-    for k, s in enumerate(sink_m):
-        if s < 0.25 * depth_m:
-            low = k if not waiting or s <= sink_m[low] else low
-            waiting = True
-        elif waiting and s > 0.5 * depth_m:
-            number += 1
-            cycle[low:k] = number
-            waiting = False
-        cycle[k] = number
-    return cycle
-
-
-def _slow_start(time_s: Array, sink_m: Array, cycle: NDArray[np.int64]) -> int:
-    """First sample of a last cycle that loads at less than 0.7 of the usual pace; their number without one."""
-    pace = []
-    for number in np.unique(cycle)[1:]:
-        mine = np.flatnonzero(cycle == number)
-        top = mine[: int(np.argmax(sink_m[mine] > 0.95 * sink_m[mine].max())) + 1]
-        pace.append((sink_m[top[-1]] - sink_m[top[0]]) / max(time_s[top[-1]] - time_s[top[0]], 1e-9))
-    if len(pace) > 2 and pace[-1] < 0.7 * np.median(pace[:-1]):
-        return int(np.flatnonzero(cycle == cycle.max())[0])
-    return len(sink_m)
+RELAXATION = ViscoelasticFoam(fraction=0.2, time_s=10.0, remembers_air=True)
+HYSTERESIS = FoamHysteresis(loss=0.05, reversal=1.0, driven_by="sinking")
+SOFTENING = FoamSoftening(excess=0.3, kept=0.0, presses=0.05, rejoin=0.5)
+FORM: tuple[FoamEffect, ...] = (RELAXATION, HYSTERESIS, SOFTENING)
+"""The effects and where their fit starts; the form is chosen in experiments/real/foam, by other specimens."""
+TWIN = ViscoelasticFoam(fraction=0.2, time_s=10.0, slow_fraction=0.15, slow_time_s=1.0, remembers_air=True)
+"""A second relaxation time does much of what hysteresis does in cycles of one speed."""
+SHAPE = frozenset({"foam_softening.kept", "foam_softening.presses"})
+HELD = SHAPE | {"viscoelastic_foam.slow_fraction", "viscoelastic_foam.slow_time_s"}
+"""Parameters of the effects that stay at their start."""
+WORSE = 1.02
+"""Misfit of later cycles, over that with the effect, from which an effect is needed."""
+FEW = 50
 
 
 @dataclass(frozen=True, eq=False)
-class CouponModel:
-    """Elastic coefficients (non-negative, of ``POWERS`` of the strain) and foam effects."""
+class Trial:
+    """A form fitted to the fast cycles, and to the earlier of them alone; rms errors in newton."""
 
-    elastic_n: Array
-    effects: tuple[FoamEffect, ...]
+    model: CouponModel
+    inside_n: float
+    later_n: float
+    out_n: float
+    alike: float
 
-    def force_n(self, test: CouponTest) -> Array:
-        """(N,) predicted force."""
-        curve = basis(test) @ self.elastic_n
-        return _through(curve, self.effects, test)
+    def shortfall(self, best: Trial, samples: int) -> float:
+        """Half chi-square by which this explains less than ``best``, both fitted to ``samples`` samples.
 
-
-def basis(test: CouponTest) -> Array:
-    """(N, len(POWERS)) elastic curves."""
-    strain = test.sink_m / test.height_m
-    return np.asarray(np.stack([(strain / strain.max()) ** p for p in POWERS], axis=1))
-
-
-def _through(force: Array, effects: tuple[FoamEffect, ...], test: CouponTest) -> Array:
-    strokes = test.strokes
-    for effect in sorted(effects, key=lambda e: e.order):
-        force = effect.reaction_n(force, strokes)
-    return force
-
-
-def fit_coupon(test: CouponTest, effects: tuple[FoamEffect, ...], rows: NDArray[np.bool_]) -> CouponModel:
-    """Fit to the samples ``rows`` (N,): the effects by least squares, the elastic curve by non-negative ones."""
-    keys = [(k, key) for k, e in enumerate(effects) for key in e.parameters()]
-    known = [effects[k].parameters()[key] for k, key in keys]
-    shapes = basis(test)
-
-    def built(x: Array) -> tuple[FoamEffect, ...]:
-        changed = list(effects)
-        for (k, key), value in zip(keys, x, strict=True):
-            changed[k] = replace(changed[k], **{key: float(value)})
-        return tuple(changed)
-
-    def solved(x: Array) -> tuple[Array, Array]:
-        now = built(x)
-        # Effects are all but proportional to the force they act on: the curves go through one by one.
-        columns = np.stack([_through(shapes[:, p], now, test) for p in range(shapes.shape[1])], axis=1)
-        elastic = nnls(columns[rows], test.force_n[rows])[0]
-        return elastic, _through(shapes @ elastic, now, test)
-
-    def wrong(x: Array) -> Array:
-        return np.asarray(solved(x)[1][rows] - test.force_n[rows])
-
-    if not keys:
-        return CouponModel(nnls(shapes[rows], test.force_n[rows])[0], ())
-    low, high = np.array([p.low for p in known]), np.array([p.high for p in known])
-    start = np.clip([getattr(effects[k], key) for k, key in keys], low + 1e-9, high - 1e-9)
-    scale = [p.typical for p in known]
-    found = least_squares(wrong, start, bounds=(low, high), x_scale=scale, diff_step=1e-3, max_nfev=40)
-    return CouponModel(solved(found.x)[0], built(found.x))
-
-
-def rmse_n(model: CouponModel, test: CouponTest, rows: NDArray[np.bool_]) -> float:
-    """Root mean square error in newton over the samples ``rows``."""
-    return float(np.sqrt(((model.force_n(test) - test.force_n)[rows] ** 2).mean()))
+        Samples count as far as they are independent, the part held out as two readings: a ramp and a hold.
+        """
+        fast = samples / best.alike * np.log(self.inside_n / best.inside_n)
+        return float(fast + (self.out_n**2 - best.out_n**2) / max(best.out_n, best.inside_n) ** 2)
 
 
 def diagnose_coupon(coupon: Coupon, name: str) -> Findings:
-    """Which effects lower the error on the part of the test the fit hasn't seen."""
-    test = thinned(coupon)
-    cycles = np.unique(test.cycle[test.fast])
+    """Which effects the fast cycles show, and how well they predict the part of the test that no fit has seen."""
+    test = prepared(coupon)
+    cycles = np.unique(test.cycle[test.fast & (test.cycle > 0)])
     if len(cycles) < 3:
         held = HeldOut("none", None, None, None, None)
-        reason = f"{len(cycles)} loading cycles: nothing is left to predict"
+        reason = f"{len(cycles)} loading cycle{'s' * (len(cycles) != 1)}: nothing is left to predict"
         return Findings(Diagnosis(name, "cannot_tell", held, reason=reason))
-    slow = ~test.fast
-    split = "slow ramp and hold, fitted on the fast cycles" if slow.sum() > 50 else "the last third of the cycles"
-    out = slow if slow.sum() > 50 else test.cycle > np.quantile(cycles, 2 / 3)
-    fitted = ~out
+    fitted, out, split = regimes(test)
+    elastic = elastic_model([test], [fitted])
     noise = coupon_noise_n(test)
-    elastic = fit_coupon(test, (), fitted)
-    current, error = elastic, rmse_n(elastic, test, out)
-    before = error
-    inside = rmse_n(elastic, test, fitted)
-    chosen: list[FoamEffect] = []
-    gains: dict[str, float] = {}
-    while len(chosen) < len(LADDER):
-        trials = []
-        for effect in LADDER.values():
-            if effect.name not in {e.name for e in chosen}:
-                model = fit_coupon(test, (*current.effects, effect), fitted)
-                trials.append((rmse_n(model, test, fitted), rmse_n(model, test, out), effect, model))
-        best = min(trials, key=lambda t: t[0] + t[1])
-        if best[0] > 0.97 * inside or best[1] > 1.02 * error:
+    before = rmse_n(elastic, test, out)
+    form, trial = FORM, tried(test, fitted, out, FORM, HELD)
+    without = {e.name: tried(test, fitted, out, tuple(o for o in form if o is not e), HELD) for e in form}
+    while form:
+        idle = [e for e in form if not _needed(without[e.name], trial, int(fitted.sum()))]
+        if not idle:
             break
-        gains[best[2].name] = max(inside / best[0], 1.0)
-        chosen.append(best[2])
-        inside, error, current = best[0], best[1], best[3]
-    claims = tuple(
-        Claim(
-            effect,
-            min(0.95, 1 - 0.5 / max(gains.get(effect.name, 1.0), 1.0) ** 4),
-            gains.get(effect.name, 1.0),
-            {k: Estimate(v, v, v, effect.parameters()[k].unit) for k, v in effect.values().items()},
-        )
-        for effect in current.effects
-    )
-    verdict = "partly_explained" if claims and error > 1.05 * noise else ("explained" if claims else "unexplained")
-    held = HeldOut(split, None, before / noise, error / noise, None, before, error)
-    stage = "mechanics" if claims else None
-    return Findings(
+        least = min(idle, key=lambda e: without[e.name].inside_n)
+        trial, form = without[least.name], tuple(e for e in form if e is not least)
+        without = {e.name: tried(test, fitted, out, tuple(o for o in form if o is not e), HELD) for e in form}
+    claims = tuple(_claim(test, (fitted, out), trial, without[effect.name], effect) for effect in trial.model.effects)
+    after = trial.out_n if claims else before
+    verdict = verdict_of(before / noise, after / noise, bool(claims), other_mismatch=False)
+    caption = f"Shaded: held out ({split}). The elastic curve's shape is free in both."
+    return DrawnFindings(
         Diagnosis(
             name,
             verdict,
-            held,
-            stage=stage,
-            depends_on=("history", "force"),
+            HeldOut(split, None, before / noise, after / noise, None, before, after),
+            stage="mechanics" if claims or verdict == "unexplained" else None,
+            depends_on=("history", "force") if claims else (),
             claims=claims,
-            unexplained_ratio=error / noise,
-        )
+            unexplained_ratio=after / noise,
+            unexplained_depends_on=("history",) if after > MATERIAL_RATIO * noise else (),
+        ),
+        drawings=(("The compression test", caption, lambda: coupon_figure(test, out, elastic, trial.model)),),
     )
 
 
-def coupon_noise_n(test: CouponTest) -> float:
+def regimes(test: Compression) -> tuple[Rows, Rows, str]:
+    """(N,) samples fitted, (N,) samples held out, and what the split is.
+
+    Before the first loading the plate already rests on the foam and the load cell was zeroed there: never fitted.
+    """
+    fast = test.fast & (test.cycle > 0)
+    if (~test.fast).sum() > FEW:
+        return fast, ~test.fast, "slow ramp and hold, fitted on the fast cycles"
+    early = earlier(test, fast)
+    return early, fast & ~early, "the last third of the cycles"
+
+
+def earlier(test: Compression, rows: Rows) -> Rows:
+    """(N,) those of the samples ``rows`` that lie in the first two thirds of their cycles."""
+    return np.asarray(rows & (test.cycle <= np.quantile(np.unique(test.cycle[rows]), 2 / 3)))
+
+
+def tried(test: Compression, fitted: Rows, out: Rows, form: tuple[FoamEffect, ...], held: frozenset[str]) -> Trial:
+    """A form's fit and its errors on what was fitted, on later cycles of it, and on what was held out."""
+    early = earlier(test, fitted)
+    whole = fit_coupon([test], [fitted], form, held)
+    part = fit_coupon([test], [early], form, held)
+    residual = (whole.force_n(test) - test.force_n)[fitted]
+    return Trial(
+        whole,
+        rmse_n(whole, test, fitted),
+        rmse_n(part, test, fitted & ~early),
+        rmse_n(whole, test, out),
+        memory(residual),
+    )
+
+
+def _needed(without: Trial, trial: Trial, samples: int) -> bool:
+    """Whether leaving an effect out costs more than its parameters are worth, and predicts later cycles worse."""
+    independent = samples / trial.alike
+    gain = independent * np.log(without.inside_n / trial.inside_n)
+    freed = len(trial.model.names) - len(without.model.names)
+    return bool(gain > 0.5 * freed * np.log(independent) and without.later_n > WORSE * trial.later_n)
+
+
+def _claim(test: Compression, split: tuple[Rows, Rows], trial: Trial, without: Trial, effect: FoamEffect) -> Claim:
+    samples = int(split[0].sum())
+    rivals = [("none", without.shortfall(trial, samples))]
+    if effect.name == HYSTERESIS.name:
+        rest = tuple(e for e in trial.model.effects if e.name not in (effect.name, TWIN.name))
+        rivals.append((TWIN.name, tried(test, *split, (TWIN, *rest), SHAPE).shortfall(trial, samples)))
+    confidence, alternatives = confidences(tuple(rivals))
+    known, estimates = effect.parameters(), {}
+    for key, value in effect.values().items():
+        error = QUANTILE * trial.model.error(effect, key)
+        if np.isfinite(error):
+            low, high = max(value - error, known[key].low), min(value + error, known[key].high)
+            estimates[key] = Estimate(value, low, high, known[key].unit)
+    ratio = without.out_n / coupon_noise_n(test)
+    return Claim(effect, confidence, ratio, estimates, tuple((n, c) for n, c in alternatives if n != "none"))
+
+
+def coupon_noise_n(test: Compression) -> float:
     """Noise of a force reading, from third differences."""
     jump = np.diff(test.force_n, 3)
     return float(max(1.4826 * np.median(np.abs(jump)) / np.sqrt(20.0), 1e-4))
-
-
-__all__ = ["NonlinearFoam", "diagnose_coupon", "fit_coupon", "rmse_n", "thinned"]

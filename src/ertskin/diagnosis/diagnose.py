@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
+from ertskin.diagnosis.acquisition_signal import acquires
 from ertskin.diagnosis.baseline import FORCE_MATERIAL, Baseline, calibrated
 from ertskin.diagnosis.claims import (
     MATERIAL_RATIO,
@@ -28,7 +29,9 @@ from ertskin.diagnosis.selection import Chosen, Selection, select
 from ertskin.diagnosis.skin_family import SHAPE, Calibration, SkinFamily
 from ertskin.diagnosis.voltage_fit import Solved, Term, VoltageProblem
 from hardware.recording import Recording
-from physics.effects.effect import Effect, ElectrodeEffect
+from physics.effects.adc_saturation import AdcSaturation
+from physics.effects.effect import Effect, ElectrodeEffect, Stage
+from physics.effects.nonlinear_foam import NonlinearFoam
 from physics.effects.piezo_inhomogeneity import PiezoInhomogeneity
 from physics.effects.sheet_inhomogeneity import SheetInhomogeneity
 from physics.skin import Skin
@@ -37,7 +40,10 @@ Array = NDArray[np.float64]
 Report = Callable[[float | None, str], None]
 
 FOLDS = 6
+SPLIT_SEED = 0
 START_RATIO = 0.0
+SATURATED = 0.97
+"""Confidence that readings piled up or bent at the top of their range are the converter's doing."""
 LONE_PRESS = 2.0
 """Misfit over noise from which a single held-out press is enough to say that something is missing."""
 AXES_OF = {
@@ -94,6 +100,7 @@ def _diagnose(recording: Recording, name: str, report: Report, resolution: str) 
     evidence = gather(recording)
     report(0.04, "calibrating at rest, fitting force and depth")
     baseline = calibrated(recording, evidence, resolution)
+    evidence = replace(evidence, noise_v=baseline.noise_v, stray=baseline.stray)
     usable = np.isfinite(evidence.scan_v).all(axis=1) & _placed(evidence)
     fitted, held = _split(evidence, usable)
     train, force = _frames(evidence, fitted), baseline.force_n[fitted]
@@ -114,9 +121,10 @@ def _diagnose(recording: Recording, name: str, report: Report, resolution: str) 
     start = Calibration(
         baseline.skin.piezo.zero_ohm_sq, baseline.skin.contact_resistance_ohm, START_RATIO, np.zeros(SHAPE)
     )
-    fixed = [Term(effect, ()) for effect in baseline.skin.effects]
+    fixed = [Term(e, ("carried",) if isinstance(e, NonlinearFoam) else ()) for e in baseline.skin.effects]
+    begun = [(Term(f.effect, f.free), f.rivals) for f in baseline.specimen_findings]
     partitions = [[int(k)] for k in np.unique(cells)]
-    selection = select(build, fixed, start, partitions, report)
+    selection = select(build, fixed, begun, start, partitions, report)
     report(0.85, "predicting presses no fit has seen")
     before, after = _predictions(evidence, baseline, selection, family, held, resolution)
     return _answer(name, evidence, baseline, selection, held, before, after)
@@ -138,12 +146,16 @@ def _frames(evidence: Evidence, rows: NDArray[np.intp]) -> Evidence:
 
 
 def _split(evidence: Evidence, usable: NDArray[np.bool_]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Frames fitted and frames held out: every third press, in recording order."""
+    """Frames fitted and frames held out: of any three presses on end, one drawn at random.
+
+    Every third press would be whole columns of a grid, and often its edge: places that no fit has seen at all.
+    """
     history = evidence.history
     touching = np.unique(history.press[history.touched.any(axis=1) & usable])
     if len(touching) < 3:
         raise CannotTell(f"{len(touching)} press{'es' if len(touching) != 1 else ''}: nothing is left to predict")
-    out = np.isin(history.press, touching[2::3])
+    draw = np.random.default_rng(SPLIT_SEED).integers(0, 3, size=len(touching) // 3)
+    out = np.isin(history.press, touching[3 * np.arange(len(draw)) + draw])
     return np.flatnonzero(usable & ~out), np.flatnonzero(usable & out)
 
 
@@ -193,7 +205,7 @@ def _predictions(
 def _residual(evidence: Evidence, skin: Skin, force_n: Array, held: NDArray[np.intp]) -> Array:
     readings = skin.readings_v(evidence.history[held], force_n[held])
     scans = readings.reshape(len(held), -1) @ evidence.protocol.orthonormal
-    return (evidence.scan_v[held] - scans) / evidence.noise_v
+    return evidence.discounted((evidence.scan_v[held] - scans) / evidence.noise_v)
 
 
 def _answer(
@@ -208,18 +220,21 @@ def _answer(
     history = evidence.history[held]
     ratio_before, ratio_after = _ratio(before), _ratio(after)
     claims = [_voltage_claim(selection, chosen, k) for k, chosen in enumerate(selection.chosen)]
-    force_claims, force_before, force_after = _force_claims(evidence, baseline)
+    force_claims, force_before, force_after = _force_claims(evidence, baseline, selection)
     claims = _discounted([*claims, *force_claims], ratio_before, ratio_after)
+    claims += _instrument_claims(evidence)
+    left = _leftover_after(evidence, selection)
     claims.sort(key=lambda c: -c.ratio_alone)
     force_off = force_after is not None and force_after > FORCE_MATERIAL * baseline.force_noise_n * 1.05
     tests_before, tests_after = (
         axis_tests(before, history, evidence.protocol),
         axis_tests(after, history, evidence.protocol),
     )
-    mismatch = bool(force_claims) or force_off or any(c.effect.stage == "acquisition" for c in claims)
+    instrument = any(c.effect.stage == "acquisition" for c in claims)
+    mismatch = bool(force_claims) or force_off or instrument or left > MATERIAL_RATIO
     broad = ratio_before if claims else _broad_ratio(before, history.press)
     verdict = verdict_of(broad, ratio_after, bool(claims), mismatch)
-    if verdict == "explained" and force_off:
+    if verdict == "explained" and (force_off or left > MATERIAL_RATIO):
         verdict = "partly_explained"
     if verdict in ("unexplained", "no_mismatch"):
         claims = []
@@ -227,6 +242,9 @@ def _answer(
     freedom = max(1, sum(len(c.parameters) for c in claims))
     p_value = float(chi2.sf(max(gained, 0.0), freedom)) if claims else _misfit_p(before)
     lead = claims[0].effect if claims else None
+    stage = None if lead is None else str(lead.stage)
+    if verdict == "unexplained" and left > MATERIAL_RATIO:
+        stage = str(Stage.ACQUISITION)
     position, radius = _place_of(claims)
     electrodes = tuple(
         int(getattr(c.effect, key))
@@ -242,7 +260,7 @@ def _answer(
         name,
         verdict,
         HeldOut(
-            "every third press, in recording order",
+            "whole presses, one drawn of any three on end",
             evidence.noise_v,
             ratio_before,
             ratio_after if claims else ratio_before,
@@ -250,7 +268,7 @@ def _answer(
             force_before,
             force_after,
         ),
-        stage=None if lead is None else str(lead.stage),
+        stage=stage,
         electrodes=electrodes,
         position_m=position,
         radius_m=radius,
@@ -262,6 +280,30 @@ def _answer(
     return Findings(
         diagnosis, evidence, baseline, selection, held, before, after, tuple(tests_before), tuple(tests_after)
     )
+
+
+def _instrument_claims(evidence: Evidence) -> list[Claim]:
+    """A converter at its limit, which the readings themselves show."""
+    limit = evidence.saturated_v
+    if limit is None:
+        return []
+    step = 2 * (evidence.protocol.adc_volts_per_count or 1e-4 * abs(limit))
+    alone = max(1.0, evidence.leftover_ratio)
+    return [
+        Claim(AdcSaturation(limit), SATURATED, alone, {"limit_v": Estimate(limit, limit - step, limit + step, "V")})
+    ]
+
+
+def _leftover_after(evidence: Evidence, selection: Selection) -> float:
+    """Rms over noise of what no network explains, the instrument's named effects taken off."""
+    if evidence.saturated_v is not None:
+        return 1.0
+    solved, problem = selection.after, selection.problem
+    if not acquires(solved.effects):
+        return evidence.leftover_ratio
+    left = problem.acquisition.residual(problem.family.skin(solved.calibration, solved.effects))
+    readings, pairs = evidence.protocol.orthonormal.shape
+    return float(np.sqrt((left[left != 0] ** 2).mean() * readings / max(readings - pairs, 1)))
 
 
 def _ratio(residual: Array) -> float:
@@ -309,7 +351,9 @@ def _voltage_claim(selection: Selection, chosen: Chosen, number: int) -> Claim:
     return Claim(term.effect, confidence, chosen.ratio_alone, estimates, alternatives)
 
 
-def _force_claims(evidence: Evidence, baseline: Baseline) -> tuple[list[Claim], float | None, float | None]:
+def _force_claims(
+    evidence: Evidence, baseline: Baseline, selection: Selection
+) -> tuple[list[Claim], float | None, float | None]:
     plain, best = baseline.force_plain, baseline.force_best
     if plain is None or best is None:
         return [], None, None
@@ -317,10 +361,24 @@ def _force_claims(evidence: Evidence, baseline: Baseline) -> tuple[list[Claim], 
     rmse = [float(np.sqrt(np.nanmean(f.residual**2)) * noise) for f in (plain, best)]
     claims = []
     for effect in best.effects:
-        claim = _force_claim(evidence, baseline, best, effect)
+        claim = _felt(_force_claim(evidence, baseline, best, effect), selection)
         if claim.ratio_alone > 1.03:
             claims.append(claim)
     return claims, rmse[0], rmse[1]
+
+
+def _felt(claim: Claim, selection: Selection) -> Claim:
+    """The claim with what the readings add to it: how much of the force the sheet feels."""
+    solved = selection.after
+    for number, term in enumerate(solved.terms):
+        if term.name == claim.effect.name and term.free:
+            inflation = QUANTILE * max(1.0, float(np.sqrt((solved.scan_residual**2).mean())))
+            parameters = dict(claim.parameters)
+            for key in term.free:
+                value, low, high = solved.interval(number, key, inflation)
+                parameters[key] = Estimate(value, low, high, term.effect.parameters()[key].unit)
+            return replace(claim, effect=term.effect, parameters=parameters)
+    return claim
 
 
 def _force_claim(evidence: Evidence, baseline: Baseline, best: ForceFit, effect: Effect) -> Claim:

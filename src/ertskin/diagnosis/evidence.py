@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,13 @@ from physics.spikes import despiked, robust_std
 Array = NDArray[np.float64]
 
 
+STANDING = 0.01
+"""Part of a channel's readings, taken for spikes, from which they are none."""
+TOP = 3e-3
+"""Part of the readings among which a converter that bends is looked for."""
+FEWEST_RESTS = 4
+
+
 class CannotTell(Exception):
     """The recording can't answer the question; the message says why."""
 
@@ -25,7 +32,9 @@ class Evidence:
     """T frames reduced.
 
     ``scan_v`` (T,P) whitened scans, spikes left out; ``leftover_v`` (T,K,M) what no resistor network gives, zero at
-    spikes; ``spike`` (T,K,M); ``noise_v`` white noise of a reading; ``air_n`` noise of the load cell.
+    spikes; ``spike_fraction`` of the readings; ``leftover_noise_v`` noise of a reading by what no network explains,
+    ``noise_v`` the same of a whitened scan's numbers: equal unless the noise is coloured; ``air_n`` of the load cell.
+    ``stray`` (P,k): directions, one standard deviation long in units of the noise, in which rest frames scatter more.
     """
 
     sensor: Sensor
@@ -35,8 +44,31 @@ class Evidence:
     leftover_v: NDArray[np.float32]
     spike_fraction: float
     noise_v: float
+    leftover_noise_v: float
     air_n: float
     saturated_v: float | None
+    stray: Array
+
+    def discounted(self, rows: Array) -> Array:
+        """Rows (T,P,...) in units of the noise times the inverse square root of I + S S', S being ``stray``."""
+        if not self.stray.shape[1]:
+            return rows
+        axes, size, _ = np.linalg.svd(self.stray, full_matrices=False)
+        less = 1 - 1 / np.sqrt(1 + size**2)
+        along = np.einsum("tp...,pk->tk...", rows, axes * less)
+        return np.asarray(rows - np.einsum("tk...,pk->tp...", along, axes))
+
+    @property
+    def leftover_ratio(self) -> float:
+        """Rms over noise of what no network explains."""
+        readings, pairs = self.protocol.orthonormal.shape
+        seen = self.leftover_v[self.leftover_v != 0]
+        share = np.sqrt(max(readings - pairs, 1) / readings)
+        return (
+            float(np.sqrt(np.mean(np.square(seen, dtype=float)))) / (share * self.leftover_noise_v)
+            if seen.size
+            else 0.0
+        )
 
     @property
     def rest(self) -> NDArray[np.bool_]:
@@ -49,6 +81,8 @@ def gather(recording: Recording) -> Evidence:
     if recording.frames is None or recording.sensor is None or recording.protocol is None:
         raise CannotTell("no frames with a sensor and a protocol: nothing to compare a skin's simulator with")
     history, protocol = recording.frames.history, recording.protocol
+    # Drifts count from the first frame, whatever clock the recording keeps.
+    history = replace(history, time_s=history.time_s - history.time_s[0])
     voltage = np.asarray(recording.frames.voltage_v, dtype=float)
     if not np.isfinite(voltage).any():
         raise CannotTell("no reading is a number")
@@ -68,10 +102,13 @@ def gather(recording: Recording) -> Evidence:
         scan, spike = despiked(protocol, voltage)
     except np.linalg.LinAlgError:
         raise CannotTell("this scan can't tell all pair resistances apart") from None
+    scan, spike = _channels_restored(protocol, voltage, scan, spike)
     fitted = (scan @ protocol.orthonormal.T).reshape(voltage.shape)
+    if limit is None and _bent_at_top(voltage, fitted, spike):
+        limit = float(np.nanmax(voltage))
     leftover = np.where(spike | ~np.isfinite(voltage), 0.0, voltage - fitted)
     readings, pairs = protocol.orthonormal.shape
-    core = float(robust_std(leftover[~spike])) * np.sqrt(readings / max(1, readings - pairs))
+    core = _leftover_noise_v(leftover, spike, rest) * np.sqrt(readings / max(1, readings - pairs))
     quantum = (protocol.adc_volts_per_count or 0.0) / np.sqrt(12)
     if not core > 0:
         raise CannotTell("the readings don't vary: no noise to measure a misfit against")
@@ -87,9 +124,45 @@ def gather(recording: Recording) -> Evidence:
         leftover.astype(np.float32),
         float(spike.mean()),
         max(core, quantum),
+        max(core, quantum),
         air,
         limit,
+        np.zeros((pairs, 0)),
     )
+
+
+def _channels_restored(
+    protocol: Protocol, voltage: Array, scan: Array, spike: NDArray[np.bool_]
+) -> tuple[Array, NDArray[np.bool_]]:
+    """Scans and spikes with whole channels put back that despiking took for spikes: an error of theirs stands."""
+    share = spike.mean(axis=(0, 1))
+    standing = (share > STANDING) & (share > 10 * np.median(share))
+    if not standing.any():
+        return scan, spike
+    kept = spike.copy()
+    kept[..., standing] = False
+    fitted = (scan @ protocol.orthonormal.T).reshape(voltage.shape)
+    filled = np.where(kept | ~np.isfinite(voltage), fitted, voltage)
+    return filled.reshape(len(filled), -1) @ protocol.orthonormal, kept
+
+
+def _bent_at_top(voltage: Array, fitted: Array, spike: NDArray[np.bool_]) -> bool:
+    """Whether the largest readings fall short of what the others say they should be, and only those."""
+    known = np.isfinite(fitted) & np.isfinite(voltage)
+    top = known & (fitted > np.quantile(fitted[known], 1 - TOP))
+    share = float(spike[top].mean())
+    if share < STANDING or share < 20 * float(spike.mean()):
+        return False
+    return bool((voltage < fitted)[top & spike].mean() > 0.9)
+
+
+def _leftover_noise_v(leftover: Array, spike: NDArray[np.bool_], rest: NDArray[np.bool_]) -> float:
+    """Noise of what no network explains, from how it changes between rest frames: a standing error is no noise."""
+    if rest.sum() < FEWEST_RESTS:
+        return float(robust_std(leftover[~spike]))
+    change = np.diff(leftover[rest], axis=0)
+    clean = ~(spike[rest][1:] | spike[rest][:-1])
+    return float(robust_std(change[clean])) / np.sqrt(2)
 
 
 def _saturation(voltage_v: Array, protocol: Protocol) -> float | None:

@@ -28,7 +28,7 @@ STARTS: dict[str, list[FoamEffect]] = {
         FoamSoftening(excess=0.1, kept=1.0, presses=0.5),
     ],
 }
-HELD = {"slow_fraction", "slow_time_s"}
+HELD = {"slow_fraction", "slow_time_s", "rejoin"}
 """Parameters a skin's recording is too short to free."""
 
 

@@ -6,7 +6,7 @@ import base64
 import html
 import io
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from ertskin.diagnosis.claims import Claim, Diagnosis
 from ertskin.diagnosis.diagnose import Findings
+from ertskin.diagnosis.drawn import DrawnFindings, Drawing
 from ertskin.diagnosis.residuals import AxisTest
 
 if TYPE_CHECKING:
@@ -119,10 +120,9 @@ def _tests(title: str, tests: tuple[AxisTest, ...]) -> str:
     return f"<h2>{title}</h2><table>{head}{''.join(rows)}</table>" if rows else ""
 
 
-Drawing = tuple[str, str, Callable[[], "Figure"]]
-
-
 def _figures(findings: Findings) -> Iterator[Drawing]:
+    if isinstance(findings, DrawnFindings):
+        yield from findings.drawings
     if findings.evidence is None or findings.residual_before is None or findings.held is None:
         return
     yield (

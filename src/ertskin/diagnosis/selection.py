@@ -26,6 +26,7 @@ WORTH_TRYING = 0.15
 MOST_TERMS = 5
 
 Report = Callable[[float | None, str], None]
+Rivals = tuple[tuple[str, float], ...]
 Problem = Callable[[Solved | None], VoltageProblem]
 
 
@@ -55,25 +56,31 @@ class Selection:
 
 
 def select(
-    build: Problem, fixed: Sequence[Term], start: Calibration, partitions: Sequence[Sequence[int]], report: Report
+    build: Problem,
+    fixed: Sequence[Term],
+    begun: Sequence[tuple[Term, Rivals]],
+    start: Calibration,
+    partitions: Sequence[Sequence[int]],
+    report: Report,
 ) -> Selection:
     """Grow the set of terms while one gains, held out, what is significant and material.
 
-    ``build`` linearises about a fit (or about the start); ``fixed`` terms (the force stage's) belong to every model.
+    ``build`` linearises about a fit (or about the start); ``fixed`` terms (the force stage's) belong to every model;
+    ``begun`` are terms that another signal has shown, with their rivals there: they must hold their own here.
     """
     problem = build(None)
     report(0.15, "fitting the calibration")
-    current = problem.solve(fixed, start)
-    before = current
+    before = problem.solve(fixed, start)
+    current = problem.solve([*fixed, *(term for term, _ in begun)], before.calibration) if begun else before
     rounds: list[tuple[tuple[str, float], ...]] = []
-    stand: dict[str, tuple[tuple[str, float], ...]] = {}
+    stand: dict[str, Rivals] = {_key(term): rivals for term, rivals in begun}
     for turn in range(MOST_TERMS):
         score = float(held_out(current, partitions).sum())
         frames = _residual_count(problem)
         floor = MATERIAL_COST(frames, score)
         report(0.2 + 0.1 * turn, f"looking for what is missing (residual {_rms(current):.3f} of the noise)")
         found = screen(problem, current, partitions)
-        listed = _worth_trying(found)
+        listed = _worth_trying(found, max(SIGNIFICANT, floor))
         trials = _try(problem, current, _different(listed), partitions, score)
         rounds.append(tuple((t.name, g) for t, g, _ in trials))
         if not trials or trials[0][1] < max(SIGNIFICANT, floor):
@@ -88,12 +95,16 @@ def select(
     return Selection(before, current, chosen, problem, tuple(rounds))
 
 
-def _worth_trying(found: Sequence[Candidate]) -> list[Candidate]:
-    """The candidates to fit. What no resistor network explains only the instrument can: it comes first."""
-    instrument = [c for c in found if c.term.effect.stage == Stage.ACQUISITION and c.gain > SIGNIFICANT]
+def _worth_trying(found: Sequence[Candidate], least: float) -> list[Candidate]:
+    """The candidates to fit. What no resistor network explains only the instrument can: it comes first.
+
+    An instrument that would gain less than ``least`` wouldn't be named, and doesn't keep the others from their turn.
+    """
+    instrument = [c for c in found if c.term.effect.stage == Stage.ACQUISITION and c.gain > least]
     if instrument:
         return [c for c in instrument if c.gain > WORTH_TRYING * instrument[0].gain]
-    return [c for c in found if c.gain > max(SIGNIFICANT, WORTH_TRYING * found[0].gain)]
+    others = [c for c in found if c.term.effect.stage != Stage.ACQUISITION]
+    return [c for c in others if c.gain > max(SIGNIFICANT, WORTH_TRYING * others[0].gain)]
 
 
 def MATERIAL_COST(frames: int, score: float) -> float:
@@ -119,12 +130,16 @@ def _different(listed: Sequence[Candidate]) -> list[Candidate]:
     kept: list[Candidate] = []
     for candidate in listed:
         same = [k for k in kept if k.name == candidate.name]
-        forms = {k.term.free for k in same}
+        forms = {_form(k) for k in same}
         if len({k.name for k in kept} | {candidate.name}) > TRIED:
             continue
-        if not same or (candidate.term.free not in forms and len(same) < 2):
+        if not same or (_form(candidate) not in forms and len(same) < 2):
             kept.append(candidate)
     return kept
+
+
+def _form(candidate: Candidate) -> tuple[tuple[str, ...], bool]:
+    return candidate.term.free, getattr(candidate.term.effect, "remembers_air", False)
 
 
 def _try(

@@ -16,7 +16,7 @@ from physics.mechanics.radial_kernel import RadialKernel
 from physics.mechanics.stiffness import sensor_stiffness_n_per_m
 from physics.piezo.polynomial import PiezoPolynomial
 from physics.sensor import Sensor
-from physics.skin import Skin
+from physics.skin import Skin, lagrange_weights
 
 Array = NDArray[np.float64]
 
@@ -24,8 +24,12 @@ SHAPE = 9
 """Chebyshev coefficients of the law that a fit may move: a law that is no fifth-order polynomial is no
 physics left out."""
 SIZE_STEPS = 2
+WIDEST_RATIO = 2.5
+"""How far the logarithm of the moduli's ratio may go: a foam twelve times as stiff as its data sheet says."""
 RATIO_STEP = 0.5
 """Spacing in the logarithm of the moduli's ratio at which pressure fields are computed."""
+POINTS = 4
+"""Tabulated pressure fields that an interpolation uses."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,25 +66,29 @@ class SkinFamily:
 
     def __init__(self, skin: Skin) -> None:
         self.first = skin
-        steps = RATIO_STEP * np.arange(-2.0, 3.0)
-        fields = [InterfacePressure.from_transform(stiffened(skin.sensor, float(s), skin.pad_n_per_m)) for s in steps]
-        self._steps = steps
+        self._field: dict[int, InterfacePressure] = {}
         self._known: dict[float, InterfacePressure] = {}
-        self._fields = fields
 
     def pressure(self, log_ratio: float) -> InterfacePressure:
-        """The pressure field for a ratio of moduli, interpolated in its logarithm."""
+        """The pressure field for a ratio of moduli, interpolated in its logarithm between the nearest tabulated."""
         if log_ratio in self._known:
             return self._known[log_ratio]
-        weights = [
-            np.prod([(log_ratio - other) / (at - other) for other in self._steps if other != at]) for at in self._steps
-        ]
-        value = sum(w * f.kernel.value for w, f in zip(weights, self._fields, strict=True))
-        slope = sum(w * f.kernel.slope for w, f in zip(weights, self._fields, strict=True))
-        first = self._fields[0]
-        found = InterfacePressure(RadialKernel(first.kernel.radius_m, value, slope), first.points_m)
+        most = round(WIDEST_RATIO / RATIO_STEP)
+        lowest = int(np.clip(np.floor(log_ratio / RATIO_STEP) - 1, -most, most - POINTS + 1))
+        steps = [lowest + k for k in range(POINTS)]
+        fields = [self._tabulated(step) for step in steps]
+        weights = lagrange_weights(RATIO_STEP * np.array(steps, dtype=float), np.array([log_ratio]))[0]
+        value = sum(w * f.kernel.value for w, f in zip(weights, fields, strict=True))
+        slope = sum(w * f.kernel.slope for w, f in zip(weights, fields, strict=True))
+        found = InterfacePressure(RadialKernel(fields[0].kernel.radius_m, value, slope), fields[0].points_m)
         self._known = {**dict(list(self._known.items())[-3:]), log_ratio: found}
         return found
+
+    def _tabulated(self, step: int) -> InterfacePressure:
+        if step not in self._field:
+            sensor = stiffened(self.first.sensor, step * RATIO_STEP, self.first.pad_n_per_m)
+            self._field[step] = InterfacePressure.from_transform(sensor)
+        return self._field[step]
 
     def skin(self, calibration: Calibration, effects: Sequence[Effect]) -> Skin:
         """The skin with this calibration and these effects, on the first skin's mesh."""
@@ -92,11 +100,6 @@ class SkinFamily:
             contact_resistance_ohm=calibration.contact_ohm,
             effects=tuple(effects),
         )
-
-    @property
-    def widest_ratio(self) -> float:
-        """How far the logarithm of the moduli's ratio may go."""
-        return float(self._steps[-1])
 
 
 def stiffened(sensor: Sensor, log_ratio: float, pad_n_per_m: float) -> Sensor:

@@ -13,7 +13,7 @@ from ertskin.diagnosis.acquisition_signal import AcquisitionSignal, acquires
 from ertskin.diagnosis.evidence import Evidence
 from ertskin.diagnosis.least_squares import Fit, Quadratic, descend
 from ertskin.diagnosis.linear_skin import LinearSkin
-from ertskin.diagnosis.skin_family import SHAPE, Calibration, SkinFamily
+from ertskin.diagnosis.skin_family import SHAPE, WIDEST_RATIO, Calibration, SkinFamily
 from ertskin.diagnosis.specimen_signal import SpecimenSignal
 from physics.effects.effect import Effect, Stage
 from physics.skin import Skin
@@ -76,10 +76,7 @@ class Solved:
 
 @dataclass(eq=False)
 class VoltageProblem:
-    """Everything the fit needs. ``cells`` (T,) the cell of each frame, ``weight`` (T,) 0 for frames left out.
-
-    ``nuisance`` (T,P,k): directions, one standard deviation long in units of the noise, in which a frame may stray.
-    """
+    """Everything the fit needs. ``cells`` (T,) the cell of each frame, ``weight`` (T,) 0 for frames left out."""
 
     evidence: Evidence
     family: SkinFamily
@@ -87,7 +84,6 @@ class VoltageProblem:
     specimen: SpecimenSignal | None
     cells: NDArray[np.intp]
     weight: Array
-    nuisance: Array | None = None
     last_columns: tuple[NDArray[np.float32], Array] = field(init=False)
 
     def __post_init__(self) -> None:
@@ -104,24 +100,9 @@ class VoltageProblem:
     # residuals -----------------------------------------------------------------------------------------------------
 
     def scan_residual(self, skin: Skin) -> Array:
-        """(T,P) in units of the noise, strays in the nuisance directions discounted."""
+        """(T,P) in units of the noise, what rest frames stray by discounted."""
         wrong = (self.evidence.scan_v - self.acquisition.scans(skin)) / self.evidence.noise_v
-        return self.discounted(np.where(self.weight[:, None] > 0, wrong, 0.0))
-
-    def discounted(self, rows: Array) -> Array:
-        """Rows (T,P,...) times the inverse square root of I + N N'."""
-        if self.nuisance is None:
-            return rows
-        flat = rows.reshape(*rows.shape[:2], -1)
-        result = flat.copy()
-        for t in range(len(rows)):
-            direction = self.nuisance[t]
-            if not direction.any():
-                continue
-            u, s, _ = np.linalg.svd(direction, full_matrices=False)
-            shrink = 1 - 1 / np.sqrt(1 + s**2)
-            result[t] -= u @ (shrink[:, None] * (u.T @ flat[t]))
-        return result.reshape(rows.shape)
+        return self.evidence.discounted(np.where(self.weight[:, None] > 0, wrong, 0.0))
 
     def _blocks(self, skin: Skin, with_leftover: bool = True) -> tuple[Array, Array, Array | None]:
         scan = self.scan_residual(skin)
@@ -140,7 +121,7 @@ class VoltageProblem:
         self._always_leftover = leftover
         layout = _Layout(tuple(terms), len(start.vector()))
         begin = np.concatenate([start.vector(), *[[getattr(t.effect, k) for k in t.free] for t in terms]])
-        low, high = layout.bounds(begin, self.family.widest_ratio)
+        low, high = layout.bounds(begin)
         mean, precision = layout.prior(len(start.contact_ohm))
         fit = descend(
             lambda x: self._linearise(layout, x),
@@ -177,7 +158,7 @@ class VoltageProblem:
         leftover_columns = np.zeros((0 if leftover is None else leftover.size, count - layout.calibration))
         electrodes = self.evidence.protocol.electrodes
         contact = self.contact_columns(skin)
-        columns[..., 1 : 1 + electrodes] = self.discounted(contact)
+        columns[..., 1 : 1 + electrodes] = self.evidence.discounted(contact)
         known = self._known_columns(layout)
         if known is not None:
             columns[..., : layout.calibration], specimen_columns[:, : layout.calibration] = known
@@ -286,10 +267,10 @@ class _Layout:
         size = 0.02 * known.typical
         return size if x[index] + size <= known.high else -size
 
-    def bounds(self, x: Array, widest: float) -> tuple[Array, Array]:
+    def bounds(self, x: Array) -> tuple[Array, Array]:
         low, high = np.full(len(x), -np.inf), np.full(len(x), np.inf)
         ratio = self.calibration - SHAPE - 1
-        low[ratio], high[ratio] = -widest, widest
+        low[ratio], high[ratio] = -WIDEST_RATIO, WIDEST_RATIO
         for k in range(self.calibration, len(x)):
             term, key = self._free(k)
             known = term.effect.parameters()[key]

@@ -78,3 +78,16 @@ def test_first_press_of_a_place_is_stiffer() -> None:
     elsewhere = foam_force_n(presses(2, places=2), PAD, np.inf, FOAM_M, [effect])[:, 0].reshape(2, -1)
     assert again[0, 8] / again[1, 8] == pytest.approx(1.2 / (1 + 0.2 * np.exp(-5)), rel=1e-6)
     assert elsewhere[0, 8] == pytest.approx(elsewhere[1, 8])
+
+
+@pytest.mark.parametrize("stiffening", [-0.3, 0.7, 5.0])
+def test_what_a_nonlinear_foam_carries_the_sheet_does_not_feel(stiffening: float) -> None:
+    pad, foam_m = 2000.0, 6e-3
+    sink = np.linspace(0, 4e-3, 9)
+    force = pad * sink * (1 + stiffening * (sink / foam_m) ** 2)
+    whole = NonlinearFoam(stiffening=stiffening, carried=0.0).felt_n(force, pad, foam_m)
+    linear = NonlinearFoam(stiffening=stiffening, carried=1.0).felt_n(force, pad, foam_m)
+    half = NonlinearFoam(stiffening=stiffening, carried=0.5).felt_n(force, pad, foam_m)
+    np.testing.assert_allclose(whole, force)
+    np.testing.assert_allclose(linear, pad * sink, atol=1e-9)
+    np.testing.assert_allclose(half, (force + pad * sink) / 2, atol=1e-9)

@@ -1,0 +1,66 @@
+"""What a recording says of its instrument: noise, bent converters, channels that are wrong as a whole."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from ertskin.diagnosis.evidence import _bent_at_top, _channels_restored, _leftover_noise_v
+from physics.protocol import Protocol, electrode_pairs
+from physics.spikes import despiked
+
+NOISE_V = 2e-3
+FRAMES = 8
+
+
+def readings(protocol: Protocol, seed: int) -> np.ndarray:
+    """(T,K,M) noisy readings of a resistor network that changes a little from frame to frame."""
+    rng = np.random.default_rng(seed)
+    pairs = 3e4 * (1 + rng.random(protocol.electrodes * (protocol.electrodes - 1) // 2))
+    clean = protocol.readings(pairs * (1 + 0.01 * rng.random((FRAMES, len(pairs)))))
+    return clean + NOISE_V * rng.standard_normal(clean.shape)
+
+
+def split(protocol: Protocol, voltage: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Scans, fitted readings and spikes as the diagnosis sees them."""
+    scan, spike = _channels_restored(protocol, voltage, *despiked(protocol, voltage))
+    return scan, (scan @ protocol.orthonormal.T).reshape(voltage.shape), spike
+
+
+@pytest.fixture(scope="module")
+def protocol() -> Protocol:
+    return Protocol.against_sink(electrode_pairs(24), 24, 1e-4)
+
+
+def test_a_standing_error_is_no_noise(protocol: Protocol) -> None:
+    voltage = readings(protocol, 1)
+    voltage[..., 5] *= 1.02
+    _, fitted, spike = split(protocol, voltage)
+    leftover = np.where(spike, 0.0, voltage - fitted)
+    assert np.sqrt((leftover**2).mean()) > 1.5 * NOISE_V
+    assert _leftover_noise_v(leftover, spike, np.ones(FRAMES, dtype=bool)) == pytest.approx(NOISE_V, rel=0.05)
+
+
+def test_a_channel_that_is_wrong_as_a_whole_is_no_spike(protocol: Protocol) -> None:
+    voltage = readings(protocol, 2)
+    voltage[..., 5] *= 1.05
+    assert despiked(protocol, voltage)[1][..., 5].mean() > 0.05
+    assert split(protocol, voltage)[2][..., 5].mean() == 0.0
+
+
+def test_single_spikes_stay_spikes(protocol: Protocol) -> None:
+    voltage = readings(protocol, 3)
+    voltage[2, 100, 7] += 1.0
+    spike = split(protocol, voltage)[2]
+    assert spike[2, 100, 7]
+    assert spike.sum() < 5
+
+
+def test_a_converter_that_bends_is_seen_and_a_straight_one_is_not(protocol: Protocol) -> None:
+    voltage = readings(protocol, 4)
+    _, fitted, spike = split(protocol, voltage)
+    assert not _bent_at_top(voltage, fitted, spike)
+    knee = np.quantile(voltage, 0.9995)
+    bent = np.where(voltage > knee, knee + 0.2 * (voltage - knee), voltage)
+    _, fitted, spike = split(protocol, bent)
+    assert _bent_at_top(bent, fitted, spike)
