@@ -5,14 +5,21 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from ertskin.cluster import LocalCluster
+from ertskin.commands.diagnose import Diagnoses
 from ertskin.data.synthesis import Plan, synthesize
 from ertskin.errors import JobFailed
+from hardware.recording import write_recording
 from physics.sensor import taxel_grid_m
+
+sys.path.insert(0, str(Path(__file__).parents[2] / "hardware"))
+from example_recording import example
 
 WITHOUT_DASK = "Dask is an extra: pip install 'ertskin[cluster]'"
 
@@ -59,6 +66,14 @@ class Bowl:
             os.kill(os.getpid(), signal.SIGKILL)
         force, place = np.nan_to_num(force_n), np.nan_to_num(contact_m)
         return np.stack([force.sum(axis=1), np.exp(-force * place[..., 0]).sum(axis=1), (force**2).sum(axis=1)], axis=1)
+
+
+class DiagnosesKilledOnce(Diagnoses):
+    """Kills its worker the first time recording 1 is asked for."""
+
+    def __call__(self, number):
+        DiesOnce(self.effects.parent.with_name("died"))(2 if number == 1 else number)
+        return super().__call__(number)
 
 
 def as_dict(cluster, compute=draw):
@@ -146,6 +161,28 @@ def test_trials_from_a_scheduler_are_those_of_one_process_though_a_worker_was_ki
     assert sum(process.poll() is None for process in processes) == 2
     assert there[2] == here[2]
     assert np.array_equal(there[0].change_ohm, here[0].change_ohm)
+
+
+def test_diagnoses_from_a_scheduler_are_those_of_one_process_though_a_worker_was_killed(tmp_path, scheduler):
+    import json
+
+    from ertskin.cluster.dask import DaskCluster
+
+    sources = tuple(tmp_path / f"{name}.h5" for name in ("first", "second"))
+    for seed, source in enumerate(sources):
+        write_recording(source, replace(example(seed), frames=None, coupon=None))
+    file, processes = scheduler
+
+    def written(folder, pieces, cluster):
+        folders = tuple(tmp_path / folder / source.stem for source in sources)
+        said = dict(cluster.spread(pieces(sources, folders, tmp_path / folder / "conf", "fast"), range(2)))
+        assert [said[number].verdict for number in range(2)] == ["cannot_tell"] * 2
+        return {path.relative_to(tmp_path / folder): path.read_bytes() for path in (tmp_path / folder).rglob("*.*")}
+
+    here = written("here", Diagnoses, LocalCluster(1))
+    there = written("there", DiagnosesKilledOnce, DaskCluster(json.loads(file.read_text())["address"]))
+    assert sum(process.poll() is None for process in processes) == 2
+    assert there == here
 
 
 def test_a_scheduler_that_is_not_there_is_said(tmp_path):

@@ -122,9 +122,10 @@ def test_truths_are_not_opened_when_they_were_changed(tmp_path: Path):
 
 
 def test_a_method_is_run_once_for_each_recording(tmp_path: Path):
-    from rerun import Method, diagnose_all
+    from rerun import Method, cluster_of, diagnose_all
 
     hide(tmp_path, "c0", "null", {}, None)
     method = Method.parse("echo=bash -c 'echo {recording} > {out}/diagnosis.json'")
-    assert list(diagnose_all([method], ["c0"], tmp_path, 1)) == ["echo c0: diagnosed"]
-    assert list(diagnose_all([method], ["c0"], tmp_path, 1)) == []
+    here = cluster_of("local", "workers=1")
+    assert list(diagnose_all([method], ["c0"], tmp_path, here)) == ["echo c0: diagnosed"]
+    assert list(diagnose_all([method], ["c0"], tmp_path, here)) == []
