@@ -21,6 +21,8 @@ from hardware.transport import SerialTransport
 
 ATTEMPTS = 60
 PAUSE_S = 2.0
+LEAVE_S = 60.0
+"""Seconds the second process has to end when all is well; on a busy machine it may hardly have begun."""
 WELL = b"well\n"
 
 
@@ -50,7 +52,7 @@ def guarded(stage: Mapping[str, Any], height_m: float, speed_m_s: float) -> Iter
             # It is gone itself; there was nothing for it to do.
             well = True
         if well:
-            process.wait(10.0)
+            process.wait(LEAVE_S)
 
 
 def stand_guard(words: str) -> int:
