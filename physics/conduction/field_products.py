@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
+from scipy.sparse import csc_array
 
 from physics.conduction.triangle import Space, quadrature, shape_slopes
 
@@ -24,6 +25,24 @@ def field_products(space: Space, potential: Array, elements: Indices, tensor: bo
     product = np.empty((len(elements), len(slopes), 3 if tensor else 1, count * (count + 1) // 2))
     _multiply(product, elements, slopes, space.slope, space.element, np.ascontiguousarray(potential))
     return product
+
+
+def gathered_products(
+    space: Space, potential: Array, elements: Indices, tensors: Array, gather: csc_array, weight: Array
+) -> Array:
+    """(C,G,L(L+1)/2) sums of gather @ (weight * grad u_i . A_c grad u_j) over the elements' n quadrature points.
+
+    ``tensors`` (C,3) of xx, xy, yy; ``gather`` (G,n); ``weight`` (n,). The products (n, L(L+1)/2) are never stored.
+    """
+    slopes = np.ascontiguousarray(shape_slopes(space.degree, quadrature(space.degree)[0]))
+    count = potential.shape[1]
+    total = np.zeros((len(tensors), gather.shape[0], count * (count + 1) // 2))
+    columns = (gather.indptr, gather.indices, gather.data)
+    tensors = np.ascontiguousarray(tensors, dtype=float)
+    _gather(
+        total, elements, slopes, space.slope, space.element, np.ascontiguousarray(potential), tensors, *columns, weight
+    )
+    return total
 
 
 def pair_losses(space: Space, potential: Array, weight_m2: Array) -> Array:
@@ -100,3 +119,41 @@ def _multiply(product, elements, slopes, slope, element, potential):  # type: ig
                         out[1, k + j] = x[i] * y[j] + y[i] * x[j]
                         out[2, k + j] = y[i] * y[j]
                 k += i + 1
+
+
+@njit(cache=True, nogil=True, fastmath={"contract"})
+def _gather(total, elements, slopes, slope, element, potential, tensors, start, index, share, weight):  # type: ignore[no-untyped-def]
+    points, nodes, _ = slopes.shape
+    count = potential.shape[1]
+    gradient = np.empty((2, count))
+    bent = np.empty((2, count))
+    product = np.empty(total.shape[2])
+    for n in range(len(elements)):
+        e = elements[n]
+        for q in range(points):
+            at = n * points + q
+            if start[at] == start[at + 1]:
+                continue
+            gradient[:] = 0.0
+            for a in range(nodes):
+                for d in range(2):
+                    c = 0.0
+                    for b in range(3):
+                        c += slopes[q, a, b] * slope[e, b, d]
+                    for i in range(count):
+                        gradient[d, i] += c * potential[element[e, a], i]
+            x, y = gradient[0], gradient[1]
+            for c in range(len(tensors)):
+                for i in range(count):
+                    bent[0, i] = weight[at] * (tensors[c, 0] * x[i] + tensors[c, 1] * y[i])
+                    bent[1, i] = weight[at] * (tensors[c, 1] * x[i] + tensors[c, 2] * y[i])
+                k = 0
+                for i in range(count):
+                    for j in range(i + 1):
+                        product[k + j] = bent[0, i] * x[j] + bent[1, i] * y[j]
+                    k += i + 1
+                for entry in range(start[at], start[at + 1]):
+                    sums = total[c, index[entry]]
+                    part = share[entry]
+                    for k in range(len(product)):
+                        sums[k] += part * product[k]

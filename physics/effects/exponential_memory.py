@@ -24,7 +24,7 @@ def relaxing(drive: Array, time_s: Array, constant_s: float, cleared: NDArray[np
     return memory
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _step(memory, drive, decay, gain, forget):  # type: ignore[no-untyped-def]
     memory[0] = drive[0]
     for t in range(1, len(drive)):

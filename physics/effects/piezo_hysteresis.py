@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
+from numba import njit
 
 from physics.effects.effect import Array, PiezoEffect, parameter
 
@@ -27,16 +28,19 @@ class PiezoHysteresis(PiezoEffect):
 
     def effective_pressure_pa(self, pressure_pa: Array, position_m: Array, time_s: Array, extent_m: Array) -> Array:
         if self.spread == 0:
-            return _play(pressure_pa, self.width)
+            return np.asarray(_play(pressure_pa, self.width))
         parts = self.width * (1 + self.spread * np.array([-0.75, -0.25, 0.25, 0.75]))
         return sum((_play(pressure_pa, w) for w in parts), np.zeros_like(pressure_pa)) / len(parts)
 
 
-def _play(pressure_pa: Array, width: float) -> Array:
+@njit(cache=True, nogil=True)
+def _play(pressure_pa, width):  # type: ignore[no-untyped-def]
     effective = np.empty_like(pressure_pa)
-    state = np.zeros_like(pressure_pa[0])
-    for t, pressure in enumerate(pressure_pa):
-        reach = np.abs(pressure) * width
-        state = np.minimum(np.maximum(state, pressure - reach), pressure + reach)
-        effective[t] = state
+    state = np.zeros(pressure_pa.shape[1])
+    for t in range(pressure_pa.shape[0]):
+        for n in range(pressure_pa.shape[1]):
+            pressure = pressure_pa[t, n]
+            reach = abs(pressure) * width
+            state[n] = min(max(state[n], pressure - reach), pressure + reach)
+            effective[t, n] = state[n]
     return effective

@@ -9,12 +9,12 @@ from numpy.typing import NDArray
 
 from ertskin.diagnosis.evidence import CannotTell, Evidence
 from ertskin.diagnosis.force_fit import ForceData, ForceFit, select_force_effects
+from ertskin.diagnosis.resting import rested
 from ertskin.diagnosis.specimen_signal import SpecimenSignal
 from ertskin.diagnosis.specimen_stage import SpecimenFinding, SpecimenTest, specimen_findings
 from hardware.recording import Recording
 from physics.calibration.indenter_support import indenter_support
 from physics.calibration.specimen import fit_specimen
-from physics.effects.contact_drift import ContactDrift
 from physics.effects.effect import Effect
 from physics.skin import Skin
 
@@ -22,10 +22,6 @@ Array = NDArray[np.float64]
 
 FORCE_SIGNIFICANT = 10.0
 FORCE_MATERIAL = 1.05
-ROUNDS = 30
-ENOUGH_RESTS = 5
-COLOURED = 0.05
-"""Excess of the rest frames' scatter over the readings' noise that is taken for coloured noise."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +65,7 @@ def calibrated(recording: Recording, evidence: Evidence, resolution: str = "fine
     plain, best = _force_stage(evidence, support, share, noise_n)
     contacts = np.full(evidence.protocol.electrodes, max(evidence.sensor.contact_resistance_guess_ohm, 10.0))
     skin = Skin.build(evidence.sensor, evidence.protocol, law.law, contacts, support, (), resolution)
-    skin, ratio, drift, noise_v, stray = _rested(skin, evidence)
+    skin, ratio, drift, noise_v, stray = rested(skin, evidence)
     if best is not None:
         skin = replace(skin, pad_n_per_m=best.pad_n_per_m, effects=(*best.effects, *drift))
     force = _driving_force(evidence, best)
@@ -135,82 +131,3 @@ def _driving_force(evidence: Evidence, best: ForceFit | None) -> Array:
     fits = np.sqrt(best.chi_square / max(count, 1)) < 1.1
     predicted = np.where(history.touched, best.force_n, 0.0)
     return np.where(np.isfinite(measured), predicted if fits else measured, np.nan_to_num(predicted))
-
-
-def _rested(skin: Skin, evidence: Evidence) -> tuple[Skin, float, tuple[Effect, ...], float, Array]:
-    """Contact and sheet resistances from the rest frames by Gauss-Newton in logarithms, their drift, and the noise."""
-    protocol = evidence.protocol
-    good = evidence.rest & np.isfinite(evidence.scan_v).all(axis=1)
-    scans = evidence.scan_v[good]
-    mean = scans.mean(axis=0)
-    contacts, zero = np.array(skin.contact_resistance_ohm), skin.piezo.zero_ohm_sq
-    for _ in range(ROUNDS):
-        solution = skin.sheet.solve(skin.sheet.uniform(zero), contacts)
-        slope = protocol.whitened(solution.jacobian_contact_resistance().T).T
-        scan = protocol.whitened(solution.pair_resistance_ohm)
-        columns = np.column_stack([slope * contacts, scan - slope @ contacts])
-        step = np.linalg.lstsq(columns, mean - scan, rcond=None)[0]
-        contacts = np.clip(contacts * np.exp(np.clip(step[:-1], -1.5, 1.5)), 0.1, 1e7)
-        zero = zero * float(np.exp(np.clip(step[-1], -0.3, 0.3)))
-        if np.abs(step).max() < 1e-6:
-            break
-    wrong = (mean - scan) / evidence.noise_v * np.sqrt(len(scans))
-    ratio = float(np.sqrt((wrong**2).mean()))
-    skin = replace(skin, piezo=skin.piezo.scaled(zero), contact_resistance_ohm=contacts)
-    return skin, ratio, _contact_drift(evidence, good, columns, contacts), *_scatter(scans, columns, evidence.noise_v)
-
-
-def _scatter(scans: Array, columns: Array, reading_v: float) -> tuple[float, Array]:
-    """Noise of a whitened scan's numbers, and the directions (P,k) in which rest frames (R,P) scatter more than that.
-
-    From second differences of the rest frames, in which a steady drift is nothing. Coloured noise weighs more in the
-    scans than in what no network explains; contacts that jitter do so along their ``columns`` (P,n). The median over
-    the frames lets a few odd ones pass, and white noise within its own scatter leaves the reading's noise as it is.
-    """
-    count, width = scans.shape
-    space = np.linalg.qr(columns)[0]
-    freedom = width - space.shape[1]
-    if count < ENOUGH_RESTS or freedom <= 0:
-        return reading_v, np.zeros((width, 0))
-    jump = np.diff(scans, n=2, axis=0) / np.sqrt(6)
-    inside = jump @ space
-    outside = float(np.median(((jump - inside @ space.T) ** 2).sum(axis=1))) / freedom
-    noise_v = max(reading_v, float(np.sqrt(outside))) if outside > ((1 + COLOURED) * reading_v) ** 2 else reading_v
-    size, axes = np.linalg.eigh(inside.T @ inside / len(jump) / noise_v**2)
-    # Beyond what white noise alone gives the largest eigenvalue (Marchenko and Pastur).
-    more = size > (1 + np.sqrt(len(size) / len(jump))) ** 2
-    return noise_v, space @ axes[:, more] * np.sqrt(size[more] - 1)
-
-
-def _contact_drift(evidence: Evidence, good: NDArray[np.bool_], columns: Array, contacts: Array) -> tuple[Effect, ...]:
-    """What each contact did over the recording, from its rest frames, where they wander beyond the noise."""
-    scans = evidence.scan_v[good]
-    time_s = evidence.history.time_s[good]
-    if len(scans) < 5:
-        return ()
-    inverse = np.linalg.pinv(columns)
-    moved = (scans - scans.mean(axis=0)) @ inverse.T
-    error = evidence.noise_v * np.sqrt((inverse**2).sum(axis=1))
-    drifts: list[Effect] = []
-    for k in range(len(contacts)):
-        if moved[:, k].std() > 2.0 * error[k]:
-            ohm = contacts[k] * _smoothed(moved[:, k], error[k])
-            drifts.append(ContactDrift(k, tuple(time_s.tolist()), tuple(ohm.tolist())))
-    return tuple(drifts)
-
-
-def _smoothed(path: Array, error: float) -> Array:
-    """A random walk seen through noise, by the Kalman smoother, its step size from the path's own increments."""
-    step = max(float(np.mean(np.diff(path) ** 2)) - 2 * error**2, 1e-4 * error**2)
-    mean, variance = np.zeros(len(path)), np.zeros(len(path))
-    m, v = float(path[0]), error**2
-    for k, seen in enumerate(path):
-        if k:
-            v += step
-            gain = v / (v + error**2)
-            m, v = m + gain * (seen - m), (1 - gain) * v
-        mean[k], variance[k] = m, v
-    for k in range(len(path) - 2, -1, -1):
-        back = variance[k] / (variance[k] + step)
-        mean[k] += back * (mean[k + 1] - mean[k])
-    return mean

@@ -27,14 +27,26 @@ class Estimate:
 
 
 @dataclass(frozen=True)
+class Rival:
+    """Another effect fitted in a claim's stead, and the half chi-square by which it falls short, held out."""
+
+    effect: Effect
+    short: float
+
+
+@dataclass(frozen=True)
 class Claim:
-    """One named effect. ``ratio_alone``: rms over noise, held out, were it alone left out."""
+    """One named effect. ``ratio_alone``: rms over noise, held out, were it alone left out.
+
+    ``rivals``: what else was fitted in its stead.
+    """
 
     effect: Effect
     confidence: float
     ratio_alone: float
     parameters: dict[str, Estimate]
     alternatives: tuple[tuple[str, float], ...] = ()
+    rivals: tuple[Rival, ...] = ()
 
     def plain(self) -> dict[str, Any]:
         """As ``diagnosis.json`` wants it."""
@@ -120,6 +132,11 @@ class Diagnosis:
         if self.reason is not None:
             document["reason"] = self.reason
         return {**document, **self.extra}
+
+
+def against(rivals: tuple[Rival, ...]) -> tuple[float, tuple[tuple[str, float], ...]]:
+    """``confidences`` of a term with these rivals."""
+    return confidences(tuple((rival.effect.name, rival.short) for rival in rivals))
 
 
 def confidences(rivals: tuple[tuple[str, float], ...]) -> tuple[float, tuple[tuple[str, float], ...]]:

@@ -18,9 +18,12 @@ from ertskin.diagnosis.claims import (
     Diagnosis,
     Estimate,
     HeldOut,
-    confidences,
+    Rival,
+    against,
     verdict_of,
 )
+from ertskin.diagnosis.doubt import settling_press
+from ertskin.diagnosis.drift_claims import drift_claims
 from ertskin.diagnosis.evidence import CannotTell, Evidence, gather
 from ertskin.diagnosis.force_fit import STARTS, ForceData, ForceFit, fit_force, free_parameters
 from ertskin.diagnosis.linear_skin import LinearSkin
@@ -34,6 +37,7 @@ from physics.effects.effect import Effect, ElectrodeEffect, Stage
 from physics.effects.nonlinear_foam import NonlinearFoam
 from physics.effects.piezo_inhomogeneity import PiezoInhomogeneity
 from physics.effects.sheet_inhomogeneity import SheetInhomogeneity
+from physics.history import History
 from physics.skin import Skin
 
 Array = NDArray[np.float64]
@@ -41,6 +45,8 @@ Report = Callable[[float | None, str], None]
 
 FOLDS = 6
 SPLIT_SEED = 0
+MOST_FRAMES = 900
+"""Frames fitted: more make parameters hardly surer, for what a form leaves is the same in neighbouring frames."""
 START_RATIO = 0.0
 SATURATED = 0.97
 """Confidence that readings piled up or bent at the top of their range are the converter's doing."""
@@ -103,6 +109,7 @@ def _diagnose(recording: Recording, name: str, report: Report, resolution: str) 
     evidence = replace(evidence, noise_v=baseline.noise_v, stray=baseline.stray)
     usable = np.isfinite(evidence.scan_v).all(axis=1) & _placed(evidence)
     fitted, held = _split(evidence, usable)
+    fitted = thinned(evidence.history, fitted, MOST_FRAMES)
     train, force = _frames(evidence, fitted), baseline.force_n[fitted]
     number = np.unique(train.history.press, return_inverse=True)[1]
     cells = (number % FOLDS).astype(np.intp)
@@ -127,7 +134,11 @@ def _diagnose(recording: Recording, name: str, report: Report, resolution: str) 
     selection = select(build, fixed, begun, start, partitions, report)
     report(0.85, "predicting presses no fit has seen")
     before, after = _predictions(evidence, baseline, selection, family, held, resolution)
-    return _answer(name, evidence, baseline, selection, held, before, after)
+    findings = _answer(name, evidence, baseline, selection, held, before, after)
+    report(0.92, "looking for the press that would settle what is in doubt")
+    fitted_skin = family.skin(selection.after.calibration, selection.after.effects)
+    press = settling_press(evidence, fitted_skin, baseline.force_noise_n, findings.diagnosis.claims)
+    return replace(findings, diagnosis=replace(findings.diagnosis, next_press=press))
 
 
 def _placed(evidence: Evidence) -> NDArray[np.bool_]:
@@ -157,6 +168,16 @@ def _split(evidence: Evidence, usable: NDArray[np.bool_]) -> tuple[NDArray[np.in
     draw = np.random.default_rng(SPLIT_SEED).integers(0, 3, size=len(touching) // 3)
     out = np.isin(history.press, touching[3 * np.arange(len(draw)) + draw])
     return np.flatnonzero(usable & ~out), np.flatnonzero(usable & out)
+
+
+def thinned(history: History, rows: NDArray[np.intp], most: int) -> NDArray[np.intp]:
+    """At most about ``most`` of the rows, the first and last of every stroke and hold among them."""
+    if len(rows) <= most:
+        return rows
+    phase, press = history.phase[rows], history.press[rows]
+    new = np.flatnonzero((np.diff(phase.astype(int)) != 0) | (np.diff(press) != 0))
+    kept = np.union1d(np.concatenate([new, new + 1]), np.linspace(0, len(rows) - 1, most).astype(int))
+    return rows[kept]
 
 
 def _remeshed(skin: Skin, resolution: str) -> Skin:
@@ -191,11 +212,8 @@ def _predictions(
     plain_force = baseline.force_n
     if baseline.force_plain is not None and baseline.force_best is not None and baseline.force_best.effects:
         plain_force = np.where(evidence.history.touched, baseline.force_plain.force_n, 0.0)
-    chosen = selection.after.effects
-    fixed = {e.name for e in baseline.drift}
-    plain_effects = [e for e in selection.before.effects if e.name in fixed]
-    before = family.skin(selection.before.calibration, plain_effects)
-    after = _remeshed(family.skin(selection.after.calibration, chosen), resolution)
+    before = family.skin(selection.before.calibration, ())
+    after = _remeshed(family.skin(selection.after.calibration, selection.after.effects), resolution)
     return (
         _residual(evidence, before, plain_force, held),
         _residual(evidence, after, baseline.force_n, held),
@@ -221,7 +239,7 @@ def _answer(
     ratio_before, ratio_after = _ratio(before), _ratio(after)
     claims = [_voltage_claim(selection, chosen, k) for k, chosen in enumerate(selection.chosen)]
     force_claims, force_before, force_after = _force_claims(evidence, baseline, selection)
-    claims = _discounted([*claims, *force_claims], ratio_before, ratio_after)
+    claims = _discounted([*claims, *force_claims, *drift_claims(baseline, selection)], ratio_before, ratio_after)
     claims += _instrument_claims(evidence)
     left = _leftover_after(evidence, selection)
     claims.sort(key=lambda c: -c.ratio_alone)
@@ -347,8 +365,8 @@ def _voltage_claim(selection: Selection, chosen: Chosen, number: int) -> Claim:
     for key in term.free:
         value, low, high = solved.interval(first + number, key, inflation)
         estimates[key] = Estimate(value, max(low, known[key].low), min(high, known[key].high), known[key].unit)
-    confidence, alternatives = confidences(chosen.rivals)
-    return Claim(term.effect, confidence, chosen.ratio_alone, estimates, alternatives)
+    confidence, alternatives = against(chosen.rivals)
+    return Claim(term.effect, confidence, chosen.ratio_alone, estimates, alternatives, chosen.rivals)
 
 
 def _force_claims(
@@ -395,8 +413,8 @@ def _force_claim(evidence: Evidence, baseline: Baseline, best: ForceFit, effect:
     for other, starts in STARTS.items():
         if other not in used:
             replaced = min((fit_force(data, [*rest, s], start=best) for s in starts), key=lambda f: f.chi_square)
-            rivals.append((other, 0.5 * (replaced.chi_square - best.chi_square)))
-    confidence, alternatives = confidences(tuple(rivals))
+            rivals.append(Rival(replaced.effects[-1], 0.5 * (replaced.chi_square - best.chi_square)))
+    confidence, alternatives = against(tuple(rivals))
     estimates = {}
     known = effect.parameters()
     for key in free_parameters(effect):  # type: ignore[arg-type]
@@ -406,7 +424,7 @@ def _force_claim(evidence: Evidence, baseline: Baseline, best: ForceFit, effect:
         estimates[key] = Estimate(
             value, max(value - error, known[key].low), min(value + error, known[key].high), known[key].unit
         )
-    return Claim(effect, confidence, alone, estimates, alternatives)
+    return Claim(effect, confidence, alone, estimates, alternatives, tuple(rivals))
 
 
 def _place_of(claims: list[Claim]) -> tuple[tuple[float, float] | None, float | None]:

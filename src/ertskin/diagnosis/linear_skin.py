@@ -32,6 +32,8 @@ Indices = NDArray[np.intp]
 GRID_M = 1.5e-3
 ALIKE = 0.05
 """States whose changes of conductance differ by less than this part share a solution."""
+NEAR_CONTACTS = 0.03
+"""Relative change of contact resistances that their first derivatives still carry: a series resistance is linear."""
 COARSE_GRID_M = 0.01
 REMEMBERED = 2000
 """Pressures are remembered for grids of fewer points than this."""
@@ -63,17 +65,25 @@ class State:
 
 
 @dataclass(frozen=True, eq=False)
+class Past:
+    """Frames (n,), in recording order, that count for memories at a place, and where among them its own (m,) are."""
+
+    frames: Indices
+    own: Indices
+
+
+@dataclass(frozen=True, eq=False)
 class Patch:
     """The surroundings of one set of contacts.
 
-    ``rows`` (m,) frames with these contacts; ``frames`` (n,) frames that count for memories there; ``grid_m`` (G,2);
-    ``states`` the solutions and ``state_of`` (m,) which one each row uses; ``directions`` (G,R) what of the grid their
-    derivatives see.
+    ``rows`` (m,) frames with these contacts; ``past`` what counts for memories there, ``since_air`` the same where air
+    clears them; ``grid_m`` (G,2); ``states`` the solutions and ``state_of`` (m,) which one each row uses;
+    ``directions`` (G,R) what of the grid their derivatives see.
     """
 
     rows: Indices
-    frames: Indices
-    kept: Indices
+    past: Past
+    since_air: Past
     hats: Hats
     inside: Indices
     states: list[State]
@@ -84,6 +94,10 @@ class Patch:
     def grid_m(self) -> Array:
         """(G,2) nodes of the grid."""
         return self.hats.node_m[self.inside]
+
+    def past_of(self, skin: Skin) -> Past:
+        """The frames that a skin's effects remember."""
+        return self.past if any(getattr(e, "remembers_air", False) for e in skin.effects) else self.since_air
 
 
 class LinearSkin:
@@ -156,16 +170,20 @@ class LinearSkin:
             low, high = self.skin.sensor.extent_m[0], self.skin.sensor.extent_m[0] + GRID_M
         hats = Hats(low, high, GRID_M)
         inside = np.flatnonzero(_within(hats.node_m, spots, reach + 2 * GRID_M))
-        frames = _memory_frames(self._contact, self.force_n, spots, reach)
-        kept, nobody = np.searchsorted(frames, rows), np.zeros(len(rows), dtype=np.intp)
-        patch = Patch(rows, frames, kept, hats, inside, [], nobody, np.zeros((len(inside), 0), dtype=np.float32))
+        visits = _memory_frames(self._contact, self.force_n, spots, reach)
+        since = _since_air(np.asarray(~present.any(axis=1)), rows)
+        past, since_air = (Past(frames, np.searchsorted(frames, rows)) for frames in (visits, since))
+        nobody, unknown = np.zeros(len(rows), dtype=np.intp), np.zeros((len(inside), 0), dtype=np.float32)
+        patch = Patch(rows, past, since_air, hats, inside, [], nobody, unknown)
         relative = self._relative(self.skin, self.force_n, patch)
         contacts = self._contacts_now[rows]
         state_of, leaders = _alike(relative, contacts, self.skin.contact_resistance_ohm)
         per = self.skin.sheet.weight_m2.shape[1]
         points = (elements[:, None] * per + np.arange(per)).ravel()
         close = points[_within(self._points[points], spots, reach)]
-        pressed = self._relative_at(self.skin, self.force_n, self._points[close], frames)[patch.kept[leaders]]
+        before = patch.past_of(self.skin)
+        led = Past(before.frames, before.own[leaders])
+        pressed = self._relative_at(self.skin, self.force_n, self._points[close], led)
         states = [
             self._state(patch, elements, relative[k], contacts[k], close, values)
             for k, values in zip(leaders, pressed, strict=True)
@@ -185,7 +203,7 @@ class LinearSkin:
         sheet[close] = pressed
         per = self.skin.sheet.weight_m2.shape[1]
         points = (elements[:, None] * per + np.arange(per)).ravel()
-        unmoved = np.abs(contact_ohm / self.skin.contact_resistance_ohm - 1).max() < 2e-3
+        unmoved = np.abs(contact_ohm / self.skin.contact_resistance_ohm - 1).max() < NEAR_CONTACTS
         used = self.skin.contact_resistance_ohm if unmoved else contact_ohm
         solution = self._solve(sheet, used, self._rest if unmoved else None)
         hats = patch.hats.values(self._points[points])[patch.inside]
@@ -231,21 +249,21 @@ class LinearSkin:
             signal = np.array([np.abs(patch.states[k].relative - 1).sum() for k in patch.state_of])
             row = patch.rows[int(signal.argmax())]
             sheet = np.ones(len(points))
-            values = self._relative_at(self.skin, self.force_n, points[close], patch.frames)
-            sheet[close] = values[np.searchsorted(patch.frames, row)]
+            past = patch.past_of(self.skin)
+            mine = Past(past.frames, np.searchsorted(past.frames, [row]))
+            sheet[close] = self._relative_at(self.skin, self.force_n, points[close], mine)[0]
             return derivative(sheet)
 
         rest = derivative(np.ones(len(points)))
         with ThreadPoolExecutor(max_workers=2) as pool:
             return [[rest, top] for top in pool.map(strongest, self.patches)]
 
-    def sheet_change(self, patch_number: int, state: int, change: Array) -> Array:
-        """(P,) change of the scan for coarse-grid changes (3,H) of relative conductance and anisotropy."""
-        rest, top = self.sheet_derivatives[patch_number]
-        patch = self.patches[patch_number]
-        signal = np.array([np.abs(s.relative - 1).sum() for s in patch.states])
-        share = signal[state] / signal.max() if signal.max() > 0 else 0.0
-        return np.einsum("cph,ch->p", (1 - share) * rest + share * top, change)
+    def sheet_change(self, patch_number: int, change: Array) -> Array:
+        """(S,P) change of the scans of a patch's states for coarse-grid changes (3,H) of conductance and anisotropy."""
+        rest, top = (np.einsum("cph,ch->p", d, change, optimize=True) for d in self.sheet_derivatives[patch_number])
+        signal = np.array([np.abs(s.relative - 1).sum() for s in self.patches[patch_number].states])
+        share = signal / signal.max() if signal.max() > 0 else np.zeros(len(signal))
+        return np.asarray(rest + share[:, None] * (top - rest))
 
     # evaluating ----------------------------------------------------------------------------------------------------
 
@@ -305,14 +323,14 @@ class LinearSkin:
         for number, patch in enumerate(self.patches):
             relative = self._relative(skin, force_n, patch)
             extra = self._local_field(skin, patch)
+            broad = np.zeros(len(patch.states)) if coarse is None else self.sheet_change(number, coarse)
             for k, state in enumerate(patch.states):
                 mine = np.flatnonzero(patch.state_of == k)
                 rows = patch.rows[mine]
                 change = ((relative[mine] - state.relative) * extra).astype(np.float32) @ patch.directions
                 scan = state.scan + change @ state.local.T
                 scan += (contacts[rows] - state.contact_ohm) @ state.contact.T
-                if coarse is not None:
-                    scan += self.sheet_change(number, k, coarse)
+                scan += broad[k]
                 if moved.any():
                     scan += np.einsum("plc,lc->p", state.pads, moved)
                 result[rows] = factor[rows, None] * scan
@@ -336,12 +354,12 @@ class LinearSkin:
         """(m,G) conductance on the patch's grid over that at rest, for the rows of the patch."""
         if not len(patch.inside):
             return np.zeros((len(patch.rows), 0))
-        return self._relative_at(skin, force_n, patch.grid_m, patch.frames)[patch.kept]
+        return self._relative_at(skin, force_n, patch.grid_m, patch.past_of(skin))
 
-    def _relative_at(self, skin: Skin, force_n: Array, position_m: Array, frames: Indices) -> Array:
-        pressure = self._pressure(skin, force_n, position_m, frames)
-        effective = skin.effective_pressure_pa(pressure, position_m, self.history.time_s[frames])
-        return np.asarray(skin.piezo.zero_ohm_sq / skin.piezo.sheet_resistance_ohm_sq(effective))
+    def _relative_at(self, skin: Skin, force_n: Array, position_m: Array, past: Past) -> Array:
+        pressure = self._pressure(skin, force_n, position_m, past.frames)
+        effective = skin.effective_pressure_pa(pressure, position_m, self.history.time_s[past.frames])
+        return np.asarray(skin.piezo.zero_ohm_sq / skin.piezo.sheet_resistance_ohm_sq(effective[past.own]))
 
     def _pressure(self, skin: Skin, force_n: Array, position_m: Array, frames: Indices) -> Array:
         """Pressures (n,N), remembered for the latest pressure field, mechanics and forces."""
@@ -360,8 +378,7 @@ class LinearSkin:
 
     def _contact_ohm(self, skin: Skin, force_n: Array) -> Array:
         pads = skin.pad_sample_m
-        contact = skin.contact_m(self.history.contact_m)
-        on_pads = skin.pressure_pa(pads.reshape(-1, 2), contact, force_n)
+        on_pads = self._pressure(skin, force_n, pads.reshape(-1, 2), np.arange(len(force_n)))
         return skin.contact_resistances_ohm(
             self.history.time_s, on_pads.reshape(len(force_n), len(pads), -1).mean(axis=2)
         )
@@ -407,6 +424,15 @@ def _memory_frames(contact_m: Array, force_n: Array, spots: Array, reach_m: floa
         apart = np.nan_to_num(np.hypot(*np.moveaxis(contact_m - spot, -1, 0)), nan=np.inf)
         close |= (apart < 1.5 * reach_m).any(axis=1)
     return np.flatnonzero(close)
+
+
+def _since_air(in_air: NDArray[np.bool_], rows: Indices) -> Indices:
+    """Frames from the last one in air, that one included, to each of the rows."""
+    last = np.maximum.accumulate(np.where(in_air, np.arange(len(in_air)), 0))[rows]
+    change = np.zeros(len(in_air) + 1, dtype=np.intp)
+    np.add.at(change, last, 1)
+    np.add.at(change, rows + 1, -1)
+    return np.flatnonzero(np.cumsum(change)[:-1] > 0)
 
 
 def _alike(relative: Array, contacts: Array, usual: Array) -> tuple[Indices, list[int]]:

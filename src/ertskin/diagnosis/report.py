@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ertskin.diagnosis.claims import Claim, Diagnosis
 from ertskin.diagnosis.diagnose import Findings
-from ertskin.diagnosis.drawn import DrawnFindings, Drawing
+from ertskin.diagnosis.drawn import Drawing, DrawnFindings
 from ertskin.diagnosis.residuals import AxisTest
 
 if TYPE_CHECKING:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ertskin.diagnosis.candidates import Candidate, screen
+from ertskin.diagnosis.claims import Rival
 from ertskin.diagnosis.skin_family import Calibration
 from ertskin.diagnosis.voltage_fit import Solved, Term, VoltageProblem, held_out
 from physics.effects.effect import Stage
@@ -26,7 +27,7 @@ WORTH_TRYING = 0.15
 MOST_TERMS = 5
 
 Report = Callable[[float | None, str], None]
-Rivals = tuple[tuple[str, float], ...]
+Rivals = tuple[Rival, ...]
 Problem = Callable[[Solved | None], VoltageProblem]
 
 
@@ -34,14 +35,13 @@ Problem = Callable[[Solved | None], VoltageProblem]
 class Chosen:
     """A selected term: what the fit loses without it and what the best other candidate gains in its stead.
 
-    ``ratio_alone``: rms over noise on frames held out if this term alone is left out. ``rivals``: other names with the
-    held-out half chi-square by which they fall short of it.
+    ``ratio_alone``: rms over noise on frames held out if this term alone is left out.
     """
 
     term: Term
     loss: float
     ratio_alone: float
-    rivals: tuple[tuple[str, float], ...]
+    rivals: Rivals
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,7 +86,9 @@ def select(
         if not trials or trials[0][1] < max(SIGNIFICANT, floor):
             break
         term, gain, solved = trials[0]
-        stand[_key(solved.terms[-1])] = tuple((t.name, gain - g) for t, g, _ in trials[1:] if t.name != term.name)
+        stand[_key(solved.terms[-1])] = tuple(
+            Rival(t.effect, gain - g) for t, g, _ in trials[1:] if t.name != term.name
+        )
         problem = build(solved)
         current = problem.solve(solved.terms, solved.calibration)
         report(0.25 + 0.1 * turn, f"{term.name} enters")
@@ -185,7 +187,7 @@ def _backward(
     current: Solved,
     fixed: int,
     partitions: Sequence[Sequence[int]],
-    stand: dict[str, tuple[tuple[str, float], ...]],
+    stand: dict[str, Rivals],
 ) -> tuple[tuple[Chosen, ...], Solved]:
     """Drop terms the others have made superfluous; what each of the rest is worth."""
     frames = _residual_count(problem)

@@ -6,14 +6,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
-from physics.conduction.field_products import field_products
+from physics.conduction.field_products import gathered_products
 from physics.conduction.sheet import SheetModel, Solution
 from physics.protocol import Protocol, pair_resistances
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
-CHUNK = 4096
 RIM_RULE = {1: np.array([1, 1]) / 2, 2: np.array([1, 1, 4]) / 6, 3: np.array([1, 1, 3, 3]) / 8}
 """Newton-Cotes weights of an edge's nodes, the ends first."""
 
@@ -67,21 +66,9 @@ def sheet_sensitivity(
     xy, yy.
     """
     model = solution.model
-    points_per = model.weight_m2.shape[1]
-    isotropic = np.array_equal(tensors, [[1.0, 0.0, 1.0]])
-    mixing = np.ones((1, 1)) if isotropic else tensors
     current = solution.potential @ solution.transfer_ohm
-    total = np.zeros((len(tensors), hats.shape[0], model.electrodes * (model.electrodes + 1) // 2))
     weight = model.weight_m2[elements].ravel() * scale
-    columns = hats.tocsc()
-    step = max(1, CHUNK // points_per)
-    for first in range(0, len(elements), step):
-        product = field_products(model.space, current, elements[first : first + step], not isotropic)
-        product = product.reshape(-1, *product.shape[2:])
-        part = slice(first * points_per, first * points_per + len(product))
-        hat = columns[:, part]
-        for c, mix in enumerate(mixing):
-            total[c] -= hat @ (np.einsum("nck,c->nk", product, mix) * weight[part, None])
+    total = -gathered_products(model.space, current, elements, tensors, hats.tocsc(), weight)
     return np.einsum("pk,cgk->cpg", whitening, total, optimize=True)
 
 

@@ -10,6 +10,7 @@ from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
+from ertskin.diagnosis.claims import Rival
 from physics.effects.effect import PiezoEffect
 from physics.effects.piezo_creep import PiezoCreep
 from physics.effects.piezo_hysteresis import PiezoHysteresis
@@ -50,11 +51,11 @@ class SpecimenTest:
 
 @dataclass(frozen=True, eq=False)
 class SpecimenFinding:
-    """An effect, the parameters fitted, and the other names with the half chi-square by which they fall short."""
+    """An effect, the parameters fitted, and what else was fitted in its stead."""
 
     effect: PiezoEffect
     free: tuple[str, ...]
-    rivals: tuple[tuple[str, float], ...]
+    rivals: tuple[Rival, ...]
 
 
 def specimen_findings(test: SpecimenTest) -> tuple[list[SpecimenFinding], float]:
@@ -63,7 +64,7 @@ def specimen_findings(test: SpecimenTest) -> tuple[list[SpecimenFinding], float]
     An effect enters when it gains ``SIGNIFICANT`` in half chi-square and lowers the residual's rms by ``MATERIAL``.
     """
     terms: list[Term] = []
-    rivals: list[tuple[tuple[str, float], ...]] = []
+    rivals: list[tuple[Rival, ...]] = []
     residual = test.residual(())
     while len(terms) < len({effect.name for effect, _ in STARTS}):
         taken = {effect.name for effect, _ in terms}
@@ -73,8 +74,8 @@ def specimen_findings(test: SpecimenTest) -> tuple[list[SpecimenFinding], float]
         if gains[best] < SIGNIFICANT or _rms(residual) < MATERIAL * _rms(fits[best][1]):
             break
         terms, residual = fits[best]
-        short = [(fit[0][-1][0].name, gains[best] - gain) for fit, gain in zip(fits, gains, strict=True)]
-        rivals.append(tuple((name, less) for name, less in short if name != terms[-1][0].name))
+        others = [Rival(fit[0][-1][0], gains[best] - gain) for fit, gain in zip(fits, gains, strict=True)]
+        rivals.append(tuple(rival for rival in others if rival.effect.name != terms[-1][0].name))
     freedom = len(residual) - ORDER - 1 - sum(len(free) for _, free in terms)
     found = [SpecimenFinding(*term, others) for term, others in zip(terms, rivals, strict=True)]
     return found, float(np.sqrt((residual**2).sum() / max(freedom, 1)))

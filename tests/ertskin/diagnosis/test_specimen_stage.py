@@ -37,7 +37,7 @@ def test_hysteresis_is_told_from_creep() -> None:
     findings, noise = specimen_findings(specimen((PiezoHysteresis(width=0.06),), 1))
     assert [f.effect.name for f in findings] == ["piezo_hysteresis"]
     assert findings[0].effect.values()["width"] == pytest.approx(0.06, rel=0.05)
-    assert min(short for _, short in findings[0].rivals) > 50
+    assert min(rival.short for rival in findings[0].rivals) > 50
     assert noise == pytest.approx(NOISE, rel=0.15)
 
 

@@ -94,7 +94,7 @@ class MaximumLikelihood:
         return [self._one(change, misfit[..., k]) for k, change in enumerate(changes)]
 
     def _one(self, change: Array, misfit: Array) -> Contacts:
-        """The least of the finely interpolated table's ``misfit`` (F,n), by a parabola through its best three forces."""
+        """The least of the finely interpolated table's ``misfit`` (F,n), by a parabola through three forces."""
         level, taxel = divmod(int(misfit.argmin()), misfit.shape[1])
         squares, force_n = misfit[level, taxel], self.fine_n[level]
         if 0 < level < len(self.fine_n) - 1:

@@ -1,0 +1,238 @@
+"""What the frames at rest say: contact and sheet resistances, the noise, and which contacts wander."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+
+from ertskin.diagnosis.evidence import Evidence
+from ertskin.diagnosis.sensitivity import sheet_sensitivity, whitening_of_transfer
+from physics.effects.contact_drift import ContactDrift
+from physics.effects.effect import Effect
+from physics.history import History
+from physics.skin import TAIL, Skin
+
+Array = NDArray[np.float64]
+
+ROUNDS = 30
+ENOUGH_RESTS = 5
+REMEMBERED = 3
+"""Places, pressed before a rest frame, that may not have recovered yet."""
+RESTLESS = 2.0
+"""Scatter of a resting contact, in standard errors, from which it moves."""
+LEFT, ALONE = 0.2, 0.3
+"""Parts of what changes between rest frames: left by all restless contacts, explained by one."""
+COLOURED = 0.05
+"""Excess of the rest frames' scatter over the readings' noise that is taken for coloured noise."""
+
+SURELY = 5.0
+"""Standard deviations of chance above which places are taken not to have recovered."""
+CHANCES, RARELY = 400, 0.01
+"""Simulated recordings of white noise, and how rarely one of them may be taken for more."""
+
+
+def rested(skin: Skin, evidence: Evidence) -> tuple[Skin, float, tuple[Effect, ...], float, Array]:
+    """The skin calibrated at rest, misfit over noise there, contacts that drift, noise (volt) and ``stray`` (P,k)."""
+    good = evidence.rest & np.isfinite(evidence.scan_v).all(axis=1)
+    scans = evidence.scan_v[good]
+    first, columns, _ = _calibrated(skin, scans.mean(axis=0))
+    traces = _needed(
+        imprints(first, evidence.history, np.flatnonzero(good)), scans - scans.mean(axis=0), columns, evidence.noise_v
+    )
+    mean = _undisturbed_mean(scans, columns, traces)
+    skin, columns, scan = _calibrated(first, mean)
+    ratio = float(np.sqrt((((mean - scan) / evidence.noise_v) ** 2).mean() * len(scans)))
+    clean = scans - _shares(scans - mean, columns, traces)[1]
+    time_s, contacts = evidence.history.time_s[good], skin.contact_resistance_ohm
+    drift = _contact_drift(scans - mean, time_s, evidence.noise_v, columns, traces, contacts)
+    return skin, ratio, drift, *_scatter(clean, columns, evidence.noise_v)
+
+
+def _calibrated(skin: Skin, mean: Array) -> tuple[Skin, Array, Array]:
+    """Contact and sheet resistances by Gauss-Newton in logarithms from a resting scan (P,).
+
+    The skin with them, the scan's derivatives (P,L+1) by the logarithms, the sheet's last, and its own scan (P,).
+    """
+    protocol = skin.protocol
+    contacts, zero = np.array(skin.contact_resistance_ohm), skin.piezo.zero_ohm_sq
+    for _ in range(ROUNDS):
+        solution = skin.sheet.solve(skin.sheet.uniform(zero), contacts)
+        slope = protocol.whitened(solution.jacobian_contact_resistance().T).T
+        scan = protocol.whitened(solution.pair_resistance_ohm)
+        columns = np.column_stack([slope * contacts, scan - slope @ contacts])
+        step = np.linalg.lstsq(columns, mean - scan, rcond=None)[0]
+        contacts = np.clip(contacts * np.exp(np.clip(step[:-1], -1.5, 1.5)), 0.1, 1e7)
+        zero = zero * float(np.exp(np.clip(step[-1], -0.3, 0.3)))
+        if np.abs(step).max() < 1e-6:
+            break
+    return replace(skin, piezo=skin.piezo.scaled(zero), contact_resistance_ohm=contacts), columns, scan
+
+
+# places that have not recovered ----------------------------------------------------------------------------------
+
+
+def imprints(skin: Skin, history: History, rests: NDArray[np.intp]) -> list[Array]:
+    """Per rest frame, (P,<=REMEMBERED) orthonormal: what the latest pressed places would change, not yet recovered.
+
+    A place that creeps changes the readings of the electrodes next to it much as their contacts would.
+    """
+    places, at = _places(history)
+    if not len(places):
+        return [np.zeros((len(skin.protocol.orthonormal.T), 0))] * len(rests)
+    points = skin.sheet.quadrature_m.reshape(-1, 2)
+    reach = skin.pressure.radius_m(TAIL)
+    pressed = np.zeros((len(places), len(points)))
+    for k, place in enumerate(places):
+        near = np.flatnonzero(((points - place) ** 2).sum(axis=1) < reach**2)
+        pressed[k, near] = skin.pressure.at(points[near] - place)
+    elements = np.arange(len(skin.sheet.weight_m2))
+    scale = np.full(len(points), 1.0 / skin.piezo.zero_ohm_sq)
+    whitening, plain = whitening_of_transfer(skin.protocol), np.array([[1.0, 0.0, 1.0]])
+    solution = skin.sheet.solve(skin.sheet.uniform(skin.piezo.zero_ohm_sq), skin.contact_resistance_ohm)
+    columns = sheet_sensitivity(solution, elements, csr_array(pressed), whitening, plain, scale)[0]
+    found = []
+    for t in rests:
+        latest = list(dict.fromkeys(at[:t][at[:t] >= 0][::-1]))[:REMEMBERED]
+        found.append(np.linalg.qr(columns[:, latest])[0])
+    return found
+
+
+def _places(history: History) -> tuple[Array, NDArray[np.intp]]:
+    """Places pressed (K,2), and which one in each frame (T,), -1 for none; of several contacts the first."""
+    place = history.contact_m[:, 0]
+    touched = history.touched[:, 0] & np.isfinite(place).all(axis=1)
+    at = np.full(len(place), -1, dtype=np.intp)
+    places, at[touched] = np.unique(np.round(place[touched], 4), axis=0, return_inverse=True)
+    return places, at
+
+
+def _needed(traces: list[Array], change: Array, columns: Array, noise_v: float) -> list[Array]:
+    """The traces, or empty ones where they explain no more of the changes (R,P) than chance would."""
+    none = [trace[:, :0] for trace in traces]
+    left = [float(((change - sum(_shares(change, columns, t))) ** 2).sum()) / noise_v**2 for t in (none, traces)]
+    freedom = sum(trace.shape[1] for trace in traces)
+    return traces if left[0] - left[1] > freedom + SURELY * np.sqrt(2 * max(freedom, 1)) else none
+
+
+def _undisturbed_mean(scans: Array, columns: Array, traces: Sequence[Array]) -> Array:
+    """(P,) mean of the rest frames (R,P), each counted in the directions its ``traces`` leave alone.
+
+    What contacts and the whole sheet do from frame to frame is levelled first: no two directions then mean other times.
+    """
+    moved = _shares(scans - scans.mean(axis=0), columns, traces)[0]
+    level = scans - (moved - moved.mean(axis=0))
+    free = [np.eye(scans.shape[1]) - trace @ trace.T for trace in traces]
+    total = np.einsum("rpq,rq->p", free, level, optimize=True)
+    return np.asarray(np.linalg.lstsq(np.sum(free, axis=0), total, rcond=1e-6)[0])
+
+
+def _shares(change: Array, columns: Array, traces: Sequence[Array]) -> tuple[Array, Array]:
+    """(R,P), (R,P) parts of the changes (R,P) that contacts and sheet explain, and places not yet recovered."""
+    own, place = np.zeros_like(change), np.zeros_like(change)
+    for row, trace in enumerate(traces):
+        both = np.linalg.lstsq(np.hstack([columns, trace]), change[row], rcond=None)[0]
+        own[row], place[row] = columns @ both[: columns.shape[1]], trace @ both[columns.shape[1] :]
+    return own, place
+
+
+# noise -----------------------------------------------------------------------------------------------------------
+
+
+def _scatter(scans: Array, columns: Array, reading_v: float) -> tuple[float, Array]:
+    """Noise of a whitened scan's numbers, and the directions (P,k) in which rest frames (R,P) scatter more than that.
+
+    From second differences of the rest frames, in which a steady drift is nothing. Coloured noise weighs more in the
+    scans than in what no network explains; contacts that jitter do so along their ``columns`` (P,n). The median over
+    the frames lets a few odd ones pass, and white noise within its own scatter leaves the reading's noise as it is.
+    """
+    count, width = scans.shape
+    space = np.linalg.qr(columns)[0]
+    freedom = width - space.shape[1]
+    if count < ENOUGH_RESTS or freedom <= 0:
+        return reading_v, np.zeros((width, 0))
+    jump = np.diff(scans, n=2, axis=0) / np.sqrt(6)
+    inside = jump @ space
+    outside = float(np.median(((jump - inside @ space.T) ** 2).sum(axis=1))) / freedom
+    noise_v = max(reading_v, float(np.sqrt(outside))) if outside > ((1 + COLOURED) * reading_v) ** 2 else reading_v
+    size, axes = np.linalg.eigh(inside.T @ inside / len(jump) / noise_v**2)
+    more = size > _largest_by_chance(count, len(size))
+    return noise_v, space @ axes[:, more] * np.sqrt(size[more] - 1)
+
+
+@cache
+def _largest_by_chance(count: int, width: int) -> float:
+    """What the largest eigenvalue in ``_scatter`` exceeds once in ``1 / RARELY`` where ``count`` frames are white."""
+    rng = np.random.default_rng(0)
+    jump = np.diff(rng.standard_normal((CHANCES, count, width)), n=2, axis=1) / np.sqrt(6)
+    size = np.linalg.eigvalsh(np.einsum("crn,crm->cnm", jump, jump, optimize=True) / jump.shape[1])
+    return float(np.quantile(size[:, -1], 1 - RARELY))
+
+
+# contacts that wander ------------------------------------------------------------------------------------------
+
+
+def _contact_drift(
+    change_v: Array, time_s: Array, noise_v: float, columns: Array, traces: Sequence[Array], contacts: Array
+) -> tuple[Effect, ...]:
+    """What each contact did over the recording, from its rest frames, where they wander beyond the noise."""
+    if len(change_v) < ENOUGH_RESTS:
+        return ()
+    moved, error = np.empty((2, len(change_v), columns.shape[1]))
+    for row, trace in enumerate(traces):
+        inverse = np.linalg.pinv(np.hstack([columns, trace]))[: columns.shape[1]]
+        moved[row], error[row] = inverse @ change_v[row], noise_v * np.sqrt((inverse**2).sum(axis=1))
+    surprise = np.sqrt(((moved / error) ** 2).mean(axis=0))
+    restless = [k for k in range(len(contacts)) if surprise[k] > RESTLESS]
+    free = [trace @ trace.T for trace in traces]
+    rest = np.stack([c - p @ c for c, p in zip(change_v / noise_v, free, strict=True)])
+    designs = [columns - p @ columns for p in free]
+    return tuple(
+        ContactDrift(k, tuple(time_s.tolist()), tuple((contacts[k] * _smoothed(moved[:, k], error[:, k])).tolist()))
+        for k in wandering(rest, designs, [t.shape[1] for t in traces], restless)
+    )
+
+
+def wandering(change: Array, designs: Sequence[Array], taken: Sequence[int], restless: list[int]) -> list[int]:
+    """Which of the ``restless`` contacts explain the rest frames' changes (R,P), in units of the noise.
+
+    ``designs`` (R of (P,L+1)): each contact's column and, last, the whole sheet's; ``taken`` degrees of freedom gone
+    before. All of them where together they leave little; else something other than contacts changed, which many of
+    them would share out among themselves, and only those count that explain much alone.
+    """
+
+    def excess(chosen: list[int]) -> float:
+        total = 0.0
+        for row, design, gone in zip(change, designs, taken, strict=True):
+            space = np.linalg.qr(design[:, [*chosen, -1]])[0]
+            total += float((row**2).sum() - ((space.T @ row) ** 2).sum()) - (len(row) - gone - space.shape[1])
+        return total
+
+    before = excess([])
+    if not restless or before <= 0:
+        return []
+    if excess(restless) < LEFT * before:
+        return restless
+    return [k for k in restless if before - excess([k]) > ALONE * before]
+
+
+def _smoothed(path: Array, error: Array) -> Array:
+    """A random walk seen through noise, by the Kalman smoother, its step size from the path's own increments."""
+    least = 1e-4 * float(np.median(error)) ** 2
+    step = max(float(np.mean(np.diff(path) ** 2 - error[1:] ** 2 - error[:-1] ** 2)), least)
+    mean, variance = np.zeros(len(path)), np.zeros(len(path))
+    m, v = float(path[0]), float(error[0]) ** 2
+    for k, seen in enumerate(path):
+        if k:
+            v += step
+            gain = v / (v + error[k] ** 2)
+            m, v = m + gain * (seen - m), (1 - gain) * v
+        mean[k], variance[k] = m, v
+    for k in range(len(path) - 2, -1, -1):
+        back = variance[k] / (variance[k] + step)
+        mean[k] += back * (mean[k + 1] - mean[k])
+    return mean
