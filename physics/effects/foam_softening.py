@@ -18,7 +18,7 @@ class FoamSoftening(FoamEffect):
     Within the first press, unloading keeps the part ``kept`` of the excess (0: Mullins' softening at once, 1: the whole
     first cycle stays stiff). In the n-th press of the same place v is exp(-n/``presses``) at sinkings seen before.
     Softened foam comes back to the virgin curve as it nears its deepest sinking d: v is at least
-    exp(-(1 - s/d)/``rejoin``), all at once at d where ``rejoin`` is 0.
+    exp(-(1 - s/d)/``rejoin``); where ``rejoin`` is 0, all at once beyond d.
     """
 
     name: ClassVar[str] = "foam_softening"
@@ -43,7 +43,7 @@ class FoamSoftening(FoamEffect):
             self.excess,
             self.kept,
             self.presses,
-            max(self.rejoin, 1e-9),
+            self.rejoin,
         )
         return np.asarray(force_n * factor)
 
@@ -65,7 +65,7 @@ def _softened(sink, touched, place, press, excess, kept, presses, rejoin):  # ty
         virgin = 1.0 if sink[t] > earlier[p] else np.exp(-count[p] / presses)
         unloading = earlier[p] < sink[t] < deepest[p]
         left = virgin * kept if unloading else virgin
-        if sink[t] < deepest[p]:
+        if rejoin > 0 and 0 < sink[t] <= deepest[p]:
             left = max(left, np.exp(-(1 - sink[t] / deepest[p]) / rejoin))
         factor[t] = 1 + excess * left
         deepest[p] = max(deepest[p], sink[t])

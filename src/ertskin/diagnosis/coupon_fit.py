@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +12,7 @@ from scipy.interpolate import BSpline
 from scipy.optimize import least_squares, nnls
 
 from ertskin.diagnosis.compression import Compression
-from physics.effects.effect import FoamEffect
+from physics.effects.effect import FoamEffect, Strokes
 
 Array = NDArray[np.float64]
 
@@ -33,11 +34,10 @@ def elastic_shapes(strain: Array) -> Array:
     strain = np.clip(strain, 0.0, 0.95)
     knots = PLATEAU * np.linspace(0.0, 1.0, 9) ** 1.5
     padded = np.concatenate([[0.0] * 3, knots, [PLATEAU] * 3])
-    count = len(padded) - 4
-    low = np.minimum(strain, PLATEAU)
-    rising = [BSpline(padded, np.arange(count) >= first, 3)(low) for first in range(1, count)]
+    humps = BSpline.design_matrix(np.minimum(strain, PLATEAU), padded, 3).toarray()
+    rising = np.cumsum(humps[:, ::-1], axis=1)[:, -2::-1]
     dense = [0.4**power * ((1 - strain) ** -power - 1) / power for power in DENSE]
-    return np.stack([*rising, strain, *dense], axis=1)
+    return np.column_stack([rising, strain, *dense])
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,9 +56,8 @@ class CouponModel:
 
     def force_n(self, test: Compression) -> Array:
         """(N,) predicted readings of the load cell."""
-        strokes = test.strokes(self.latency_s)
-        curve = elastic_shapes(strokes.sink_m / test.height_m) @ self.elastic_pa
-        force = test.area_m2 * curve
+        strokes, shapes = _undergone(test, self.latency_s)
+        force = test.area_m2 * (shapes @ self.elastic_pa)
         for effect in sorted(self.effects, key=lambda e: e.order):
             force = effect.reaction_n(force, strokes)
         return np.asarray(force - self.zero_n)
@@ -70,6 +69,13 @@ class CouponModel:
             return float("nan")
         k = self.names.index(name)
         return float(np.sqrt(max(self.covariance[k, k], 0.0)))
+
+
+@lru_cache(maxsize=16)
+def _undergone(test: Compression, latency_s: float) -> tuple[Strokes, Array]:
+    """What the foam went through and ``elastic_shapes`` there: a fit asks for few latencies, many times each."""
+    strokes = test.strokes(latency_s)
+    return strokes, elastic_shapes(strokes.sink_m / test.height_m)
 
 
 def elastic_model(tests: Sequence[Compression], rows: Sequence[NDArray[np.bool_]]) -> CouponModel:
