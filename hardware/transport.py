@@ -15,6 +15,11 @@ WRITE_TIMEOUT_S = 5.0
 LONGEST_LINE = 1 << 16
 RECONNECT_S = 10.0
 """How long a line that was lost is tried again."""
+GRACE_S = 1.0
+"""How long after its time a late caller may still take what has arrived: no longer, or a device that talks without end
+would hold it for ever."""
+DISCARD_READS = 64
+"""Reads that empty every buffer between us and a device, however much it talks meanwhile."""
 
 
 class Transport(Protocol):
@@ -139,8 +144,9 @@ class SerialTransport:
 
     def discard(self) -> None:
         """Throw away what has arrived."""
-        while self.read(0.0):
-            pass
+        for _ in range(DISCARD_READS):
+            if not self.read(0.0):
+                return
 
     def close(self) -> None:
         """Let go of the port."""
@@ -172,8 +178,11 @@ class Lines:
     def next(self, timeout_s: float) -> str | None:
         """The next line that is not empty, its ends stripped, or None after ``timeout_s``.
 
-        Bytes outside ASCII come as U+FFFD, which no parser takes for anything.
+        A caller whose time is over takes what has arrived, for ``GRACE_S`` and no longer. Bytes outside ASCII come as
+        U+FFFD, which no parser takes for anything.
         """
+        if timeout_s < -GRACE_S:
+            return None
         clock = self._transport.clock
         deadline = clock.now() + timeout_s
         late = False

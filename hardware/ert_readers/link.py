@@ -10,7 +10,7 @@ from hardware.driver import SensorDriver
 from hardware.ert_readers.frame import Flag, Frame, FrameParser, Type, identity_of, scan_of
 from hardware.failure import NoAnswer, Refusal
 from hardware.instrument import Scan
-from hardware.transport import Transport
+from hardware.transport import GRACE_S, Transport
 
 ANSWER_S = 2.0
 REPEATS = 4
@@ -150,6 +150,8 @@ class ErtLink(SensorDriver):
         """The next whole frame; None at the deadline, or as soon as a frame came damaged or the device complained."""
         while True:
             left = deadline - self._clock.now()
+            if left < -GRACE_S:
+                return None
             frames = self._parser.feed(self._transport.read(max(0.0, left)))
             if frames and frames[-1].type == Type.ERROR:
                 self._complaint = " ".join(frames[-1].payload[:120].decode("ascii", "replace").split()) or "an error"

@@ -14,6 +14,8 @@ from hardware.transport import Lines, Transport
 ANSWER_S = 3.0
 """An answer that waits for no motion comes within this time."""
 HOMING_S = 90.0
+MOST_LINES = 200
+"""Lines kept of what comes before an ``ok``, the newest: more than any firmware says of itself."""
 
 
 class GcodeStage(Driver):

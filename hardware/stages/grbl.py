@@ -8,13 +8,14 @@ Protocol: gnea/grbl, doc/markdown/interface.md (v1.1). Lines end in a line feed 
 from __future__ import annotations
 
 import re
+from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
 
 from hardware.failure import NoAnswer, Refusal
 from hardware.instrument import Array, Travel
-from hardware.stages.gcode import ANSWER_S, GcodeStage, millimetres
+from hardware.stages.gcode import ANSWER_S, MOST_LINES, GcodeStage, millimetres
 from hardware.transport import RECONNECT_S, Lines, Transport
 
 BUFFER_BYTES = 128
@@ -154,13 +155,13 @@ class Grbl(GcodeStage):
         assert len(data) <= BUFFER_BYTES
         self._transport.write(data)
         deadline = self._clock.now() + timeout_s
-        before: list[str] = []
+        before: deque[str] = deque(maxlen=MOST_LINES)
         while True:
             answer = self._lines.next(deadline - self._clock.now())
             if answer is None:
                 raise NoAnswer(f"{self._name}: no ok to {line!r} within {timeout_s:g} s")
             if answer == "ok":
-                return before
+                return list(before)
             self._raise_if_stopped(answer, line)
             before.append(answer)
 

@@ -10,12 +10,13 @@ all bytes before ``*``; answers are ``ok``, ``Resend: <number>``, ``Error:...`` 
 from __future__ import annotations
 
 import re
+from collections import deque
 
 import numpy as np
 
 from hardware.failure import InstrumentError, NoAnswer, Refusal
 from hardware.instrument import Array, Travel
-from hardware.stages.gcode import ANSWER_S, GcodeStage
+from hardware.stages.gcode import ANSWER_S, MOST_LINES, GcodeStage
 from hardware.transport import RECONNECT_S, Lines, Transport
 
 LONGEST_BUSY_S = 120.0
@@ -128,7 +129,7 @@ class Marlin(GcodeStage):
 
     def _answer(self, command: str, timeout_s: float) -> list[str]:
         """What comes before the ``ok`` of line ``_number``; sends it again as often as the firmware asks."""
-        before: list[str] = []
+        before: deque[str] = deque(maxlen=MOST_LINES)
         start = self._clock.now()
         deadline = start + timeout_s
         resends = 0
@@ -146,12 +147,12 @@ class Marlin(GcodeStage):
             elif resend == self._number + 1:
                 skip_ok = False
                 self._lines.next(0.2)
-                return before
+                return list(before)
             elif resend is not None:
                 raise Refusal(f"{self._name}: asks for line {resend}, we are at {self._number}")
             elif line == "ok" or line.startswith("ok "):
                 if not skip_ok:
-                    return before
+                    return list(before)
                 skip_ok = False
             elif line.startswith("echo:busy:"):
                 if self._clock.now() - start > LONGEST_BUSY_S:
@@ -178,19 +179,22 @@ class Marlin(GcodeStage):
         """Whether ``M400`` has been answered."""
         assert self._waiting_since is not None
         allowed = ANSWER_S + 2.0 * self._move_s
-        overdue = self._clock.now() - self._waiting_since > allowed
+        waited = self._clock.now() - self._waiting_since
         line = self._lines.next(timeout_s)
-        if line is None and not overdue:
+        if line is None and waited <= allowed:
             return False
-        if line is not None and (line.startswith("echo:busy:")):
+        if line is not None and line.startswith("echo:busy:"):
+            if waited > allowed + LONGEST_BUSY_S:
+                raise NoAnswer(f"{self._name}: busy {LONGEST_BUSY_S:g} s longer than the move should take")
             return False
         if line is not None and (line == "ok" or line.startswith("ok ")):
             self._waiting_since = None
             return True
         if line is not None and self._asked_for(line) is None:
             self._raise_if_stopped(line)
-            return False
-        # Lost or damaged: ask again; a Marlin that has done it asks for the line behind.
+            if waited <= allowed:
+                return False
+        # Lost, damaged or drowned: ask again; a Marlin that has done it asks for the line behind.
         self._waiting_since = None
         self._transport.write(numbered(self._number, "M400"))
         self._answer("M400", allowed)
