@@ -327,9 +327,16 @@ def _substitute_back(solved, dirty, work, offset, below, below_offset, node, nod
         total = np.empty(columns)
         for k in range(pivots[f] - 1, -1, -1):
             total[:] = solved[where[k]]
-            for j in range(k + 1, size):
-                c = front[k, j]
-                row = solved[where[j]]
+            whole = k + 1 + (size - k - 1) // BLOCK * BLOCK
+            for j in range(k + 1, whole, BLOCK):
+                c0, c1, c2, c3 = front[k, j], front[k, j + 1], front[k, j + 2], front[k, j + 3]
+                row0, row1, row2, row3 = (
+                    solved[where[j]], solved[where[j + 1]], solved[where[j + 2]], solved[where[j + 3]]
+                )  # fmt: skip
+                for s in range(columns):
+                    total[s] -= c0 * row0[s] + c1 * row1[s] + c2 * row2[s] + c3 * row3[s]
+            for j in range(whole, size):
+                c, row = front[k, j], solved[where[j]]
                 for s in range(columns):
                     total[s] -= c * row[s]
             for s in range(columns):

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
-from sheets import small_sheet
+from sheets import padded_sheet, small_sheet
 
 from physics.conduction.mesh import Grading
-from physics.conduction.pressed_sheet import PressedSheet
+from physics.conduction.pressed_sheet import PiezoLaw, PressedSheet
 from physics.conduction.sheet import Resolution, SheetModel
 from physics.conduction.trials import Level, TrialSolver
 from physics.protocol import Protocol, electrode_pairs
@@ -35,6 +35,18 @@ class Bump:
         return self.width_m * np.sqrt(-2 * np.log(fraction))
 
 
+@dataclass(frozen=True)
+class Pad:
+    """A pressure like the paper's pad under a 10 mm indenter: 16 kPa per newton in the middle, a long weak tail."""
+
+    def at(self, offset_m: np.ndarray) -> np.ndarray:
+        square = (offset_m**2).sum(axis=-1)
+        return 1.58e4 * np.exp(-square / (2 * 3.2e-3**2)) + 60.0 * np.exp(-np.sqrt(square + 1e-6) / 9e-3)
+
+    def radius_m(self, fraction: float) -> float:
+        return 9e-3 * np.log(60.0 / (1.58e4 * fraction))
+
+
 class Saturating:
     """A sheet resistance that falls to a quarter and stays."""
 
@@ -42,8 +54,18 @@ class Saturating:
         return 1_000.0 * (1 - 0.75 * np.clip(pressure_pa / 6e4, 0, 1))
 
 
-def pressed(resolution: Resolution, tail: float) -> PressedSheet:
-    return PressedSheet(SheetModel(small_sheet(), resolution), Bump(), Saturating(), CONTACT, tail)
+@dataclass(frozen=True)
+class Levelling:
+    """The same without a kink."""
+
+    rest_ohm_sq: float = 1_000.0
+
+    def sheet_resistance_ohm_sq(self, pressure_pa: np.ndarray) -> np.ndarray:
+        return self.rest_ohm_sq * (0.25 + 0.75 * (1 - np.clip(pressure_pa / 6e4, 0, 1)) ** 3)
+
+
+def pressed(resolution: Resolution, tail: float, law: PiezoLaw | None = None) -> PressedSheet:
+    return PressedSheet(SheetModel(small_sheet(), resolution), Bump(), law or Saturating(), CONTACT, tail)
 
 
 @pytest.fixture(scope="module")
@@ -82,6 +104,31 @@ def test_trials_agree_with_the_fine_mesh(fine: PressedSheet, solver: TrialSolver
     assert np.sqrt((error**2).mean()) < share * NOISE_V
     signal = error_v(fine.pair_resistances(contact, force), fine.rest.pair_resistance_ohm)
     assert signal.mean() > 10 * NOISE_V
+
+
+def test_near_pairs_leave_little() -> None:
+    fine, levels = pressed(FINE, 0.0, Levelling()), [Level(0.0, pressed(COARSE, 1e-3, Levelling()))]
+    plain = TrialSolver(fine, levels, PLACES, 10.0)
+    near = TrialSolver(fine, levels, PLACES, 10.0, near_m=0.02)
+    for contacts in (2, 3):
+        contact, force = random_presses(20, contacts, 5)
+        exact, got = fine.pair_resistances(contact, force), near.pair_resistances(contact, force)
+        before, after = (np.linalg.norm(error_v(each, exact)) for each in (plain.pair_resistances(contact, force), got))
+        assert after < 0.25 * before
+        np.testing.assert_array_equal(near.pair_resistances(contact[7:], force[7:]), got[7:])
+        np.testing.assert_allclose(near.pair_resistances(contact[:, ::-1], force[:, ::-1]), got, rtol=1e-12)
+
+
+def test_a_tenth_of_the_noise_for_the_hardest_neighbours() -> None:
+    """The bound of the module's head: the paper's sheet, taxels 20, 28 and 40 mm apart, 10 N on each."""
+    places = np.array([[0.03, 0.03], [0.05, 0.03], [0.05, 0.05], [0.03, 0.07]])
+    protocol, contact_ohm = Protocol.against_sink(electrode_pairs(24), 24, 1e-4), np.geomspace(100.0, 1000.0, 24)
+    solver = TrialSolver.of(padded_sheet(), Pad(), Levelling(18_000.0), contact_ohm, places, 10.0)
+    fine = PressedSheet(SheetModel(padded_sheet(), "fine"), Pad(), Levelling(18_000.0), contact_ohm, 0.0)
+    contact = places[np.argwhere(np.triu(np.ones((4, 4)), 1))]
+    force = np.full((6, 2), 10.0)
+    error = solver.pair_resistances(contact, force) - fine.pair_resistances(contact, force)
+    assert np.sqrt((protocol.whitened(error) ** 2).mean(axis=1)).max() < 0.1 * NOISE_V
 
 
 def test_the_same_whatever_the_workers(solver: TrialSolver) -> None:
