@@ -1,4 +1,4 @@
-"""Run every forward benchmark and write results.json, the tables in README.md and scaling.png.
+"""Run every benchmark and write results.json, the tables in README.md and scaling.png.
 
 python experiments/benchmarks/run.py [--small]
 """
@@ -13,21 +13,28 @@ for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
 import argparse  # noqa: E402
 import json  # noqa: E402
 import platform  # noqa: E402
-from collections.abc import Iterator  # noqa: E402
+import subprocess  # noqa: E402
 from importlib.metadata import version  # noqa: E402
 from pathlib import Path  # noqa: E402
 
+import cluster  # noqa: E402
+import contact_fit  # noqa: E402
 import single_frame  # noqa: E402
+import tables  # noqa: E402
+import training  # noqa: E402
 import trials  # noqa: E402
 
+from ertskin.data.synthesis import Plan  # noqa: E402
+
 HERE = Path(__file__).resolve().parent
-PACKAGES = ("numpy", "scipy", "numba", "pyeit")
+PACKAGES = ("numpy", "scipy", "numba", "pyeit", "torch", "lightning", "distributed")
 BEGIN, END = "<!-- results -->", "<!-- end of results -->"
 
 
 def measure(small: bool, only: str | None) -> dict:
     """All results, or one section; ``small``: two meshes, few turns and few trials, for a look in a minute or two."""
     turns = 5 if small else 15
+    pairs = 400 if small else 32_400
     sizes = (2_500, 10_000) if small else (2_500, 10_000, 40_000)
     cores = os.cpu_count() or 1
     sections = {
@@ -38,7 +45,14 @@ def measure(small: bool, only: str | None) -> dict:
             told(single_frame.electrodes(n, turns)) for n in ((16, 32) if small else (16, 24, 32, 64))
         ],
         "contacts": lambda: [told(trials.contacts(n, 30 if small else 200)) for n in (1, 2, 3, 4)],
-        "trials": lambda: told(trials.run(400 if small else 32_400, cores)),
+        "trials": lambda: [told(trials.run(pairs, cores, mesh)) for mesh in ("fast", "fine")],
+        "neighbours": lambda: told(trials.neighbours(cores)),
+        "contact_fit": lambda: told(contact_fit.run("fast", turns)),
+        "training": lambda: {
+            "loops": told(training.loops(training.material(pairs, cores), 1 if small else 2, 3 if small else 7)),
+            "full": told(training.full(training.material(pairs, cores), cores)),
+        },
+        "cluster": lambda: told(cluster.run(Plan(trials=pairs, denoiser_trials=0), 1 if small else 2)),
     }
     return {name: section() for name, section in sections.items() if only in (None, name)}
 
@@ -49,9 +63,17 @@ def machine(cores: int) -> dict:
         "processor": processor(),
         "cores": cores,
         "python": platform.python_version(),
-        **{name: version(name) for name in PACKAGES},
+        "packages": {name: version(name) for name in PACKAGES},
+        "commit": commit(),
         "load": os.getloadavg()[0],
     }
+
+
+def commit() -> str:
+    """The checkout's commit, marked where files differ from it."""
+    asked = ["git", "-C", str(HERE), "describe", "--always", "--dirty", "--exclude=*"]
+    found = subprocess.run(asked, capture_output=True, text=True, check=False)
+    return found.stdout.strip() or "unknown"
 
 
 def told(result: dict) -> dict:
@@ -66,57 +88,6 @@ def processor() -> str:
     lines = info.read_text().splitlines() if info.is_file() else []
     names = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]
     return names[0] if names else platform.processor()
-
-
-def tables(results: dict) -> Iterator[str]:
-    """Lines of the tables."""
-    host = results["machine"]
-    yield f"{host['processor']}, {host['cores']} cores, load {host['load']:.1f} by others at the start; "
-    yield f"Python {host['python']}, " + ", ".join(f"{name} {host[name]}" for name in PACKAGES) + "."
-    yield "One thread, CPU milliseconds, medians; in brackets the median of the ratio to ertskin within a turn."
-    yield ""
-    yield "| one frame, 24 electrodes, 6,624 readings | ertskin | SciPy, factor once | pyEIT |"
-    yield "| --- | --- | --- | --- |"
-    for row in results["frame"]:
-        theirs = cell(row["pyEIT"]) if "pyEIT" in row else "not run"
-        yield f"| {row['nodes']:,} nodes | {row['ertskin']['ms']:.2f} | {cell(row['SciPy, factor once'])} | {theirs} |"
-    yield ""
-    yield "| Jacobian of 276 numbers by every element | ertskin | NumPy after factor once |"
-    yield "| --- | --- | --- |"
-    for row in results["jacobian"]:
-        yield f"| {row['nodes']:,} nodes | {row['ertskin']['ms']:.1f} | {cell(row['SciPy, factor once'])} |"
-    yield ""
-    yield "| one frame, about 10,000 nodes, all pairs driven | ertskin | SciPy, factor once |"
-    yield "| --- | --- | --- |"
-    for row in results["electrodes"]:
-        yield f"| {row['electrodes']} electrodes | {row['ertskin']['ms']:.2f} | {cell(row['SciPy, factor once'])} |"
-    yield ""
-    yield "| contacts anywhere on the padded sheet, CPU ms a trial | `fast` mesh | `fine` mesh |"
-    yield "| --- | --- | --- |"
-    for row in results["contacts"]:
-        yield f"| {row['contacts']} | {row['fast']:.1f} | {row['fine']:.1f} |"
-    yield ""
-    row = results["trials"]
-    plain = row["factor_once_cpu_s_per_trial"]
-    yield f"| the paper's trials | {row['trials']:,} |"
-    yield "| --- | --- |"
-    yield f"| on {row['workers']} threads: wall, CPU seconds | {row['seconds']:.0f}, {row['cpu_s']:.0f} |"
-    yield f"| on one thread: CPU ms a trial | {row['one_thread_cpu_ms_per_trial']:.2f} |"
-    yield f"| preparation: wall, CPU seconds | {row['preparation_s']:.0f}, {row['preparation_cpu_s']:.0f} |"
-    yield f"| SciPy factor once, CPU ms a trial on the fine mesh ({row['nodes']:,} unknowns) | {1e3 * plain:,.0f} |"
-    yield f"| ratio of CPU times | {row['ratio_cpu']:,.0f} |"
-    yield f"| peak memory of the whole benchmark, GB | {row['peak_memory_gb']:.1f} |"
-    yield f"| error in the readings, of a 2 mV noise | {row['reading_error']:.3f} |"
-    yield f"| error in the 276 numbers, of a 2 mV noise | {row['reciprocal_error']:.3f} |"
-    yield f"| the same in the worst trial | {row['worst_reciprocal_error']:.3f} |"
-    yield ""
-    yield f"Errors against the fine mesh solved directly, over {trials.CHECKED} trials with neighbours among them; "
-    yield f"load {row['load']:.1f} by other programs at the end."
-
-
-def cell(entry: dict) -> str:
-    """Milliseconds and ratio."""
-    return f"{entry['ms']:,.1f} ({entry['ratio']:,.1f})"
 
 
 def draw(results: dict, path: Path) -> None:
@@ -160,7 +131,7 @@ def main() -> None:
     results = measure(arguments.small, arguments.only)
     if arguments.only and store.is_file():
         results = {**json.loads(store.read_text()), **results}
-    lines = "\n".join(tables(results))
+    lines = "\n".join(tables.page(results))
     print(lines)
     if arguments.small:
         return
