@@ -33,6 +33,7 @@ def read_specimen_table(path: Path) -> Specimen:
             raise RecordingError(f"{path}: {name}: found {error}, expected numbers") from None
         if not np.isfinite(columns[name]).all():
             raise RecordingError(f"{path}: {name}: found NaN or infinity, expected finite numbers")
-    return Specimen(
-        columns["stress_pa"], columns["sheet_resistance_ohm_sq"], columns["time_s"], columns["cycle"].astype(np.int64)
-    )
+    cycle = columns["cycle"]
+    if (cycle % 1.0).any() or not ((cycle >= 0) & (cycle < len(cycle))).all():
+        raise RecordingError(f"{path}: cycle: found other numbers, expected cycles counted from 0")
+    return Specimen(columns["stress_pa"], columns["sheet_resistance_ohm_sq"], columns["time_s"], cycle.astype(np.int64))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import re
 from typing import Protocol
 
 import serial
@@ -13,6 +14,7 @@ from hardware.failure import InstrumentError, LostContact, NoAnswer
 
 WRITE_TIMEOUT_S = 5.0
 LONGEST_LINE = 1 << 16
+_USB = re.compile(r"usb:([0-9a-f]{1,4}):([0-9a-f]{1,4})(?::(.+))?", re.ASCII | re.IGNORECASE)
 RECONNECT_S = 10.0
 """How long a line that was lost is tried again."""
 GRACE_S = 1.0
@@ -62,17 +64,19 @@ class Transport(Protocol):
 def find_port(port: str) -> str:
     """The device of ``port``: a name as it is, ``usb:VID:PID`` or ``usb:VID:PID:SERIAL`` (hexadecimal) looked up.
 
-    Raises ``LostContact`` where no port has these identifiers, ``InstrumentError`` where several have.
+    Raises ``LostContact`` where no port has these identifiers, ``InstrumentError`` where several have, ``ValueError``
+    for identifiers that are none.
     """
     if not port.startswith("usb:"):
         return port
-    vendor, product, *number = port.removeprefix("usb:").split(":")
+    match = _USB.fullmatch(port)
+    if match is None:
+        raise ValueError(f"{port}: expected usb:VID:PID or usb:VID:PID:SERIAL, VID and PID hexadecimal")
+    vendor, product, number = int(match[1], 16), int(match[2], 16), match[3]
     found = [
         item.device
         for item in list_ports.comports()
-        if item.vid == int(vendor, 16)
-        and item.pid == int(product, 16)
-        and (not number or item.serial_number == number[0])
+        if (item.vid, item.pid) == (vendor, product) and number in (None, item.serial_number)
     ]
     if not found:
         raise LostContact(f"{port}: no such USB device is plugged in")

@@ -13,6 +13,7 @@ from small_experiment import bench_of, deepest_m, experiment_of, plan_of_presses
 from hardware.experiment import Experiment, Progress, check_plan
 from hardware.failure import InstrumentError, LimitExceeded, LostContact
 from hardware.indenter import Indenter, StillPressing
+from hardware.instrument import Travel
 from hardware.plan import Plan, PlanError, Press, ramp, two_point_test
 from hardware.recorder import part_of
 from hardware.recording import read_recording
@@ -103,7 +104,25 @@ def test_a_plan_beyond_the_limits_never_begins() -> None:
     for plan, what in ((too_deep, "deep"), (off_sheet, "off the sheet"), (two_at_once, "one indenter")):
         with pytest.raises(PlanError, match=what):
             check_plan(plan, rig)
+    low, high = rig.stage.travel.low_m, rig.stage.travel.high_m
+    rig.stage.travel = Travel((low[0], low[1], rig.geometry.origin_m[2] - 5e-4), high)
+    with pytest.raises(PlanError, match="travel"):
+        check_plan(plan_of_presses(), rig)
     assert bench.clock.now() == 0.0
+    bench.close()
+
+
+def test_no_move_goes_beyond_a_limit() -> None:
+    bench = bench_of()
+    rig = bench.open()
+    indenter = Indenter(rig)
+    indenter.ready()
+    indenter.zero()
+    with pytest.raises(LimitExceeded, match="depth"):
+        indenter.press((0.03, 0.03), rig.limits.depth_m + 1e-4, 1e-3)
+    with pytest.raises(LimitExceeded, match="travel"):
+        indenter.above((1.0, 0.03))
+    assert deepest_m(bench) < 0.0
     bench.close()
 
 
