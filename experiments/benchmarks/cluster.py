@@ -25,7 +25,6 @@ CLUSTERS = {
     "one process": LocalCluster(1),
     "Dask, one worker": DaskCluster(workers=1),
     "Dask, two workers": DaskCluster(workers=2),
-    "two processes": LocalCluster(2),
 }
 
 

@@ -14,8 +14,10 @@ import argparse  # noqa: E402
 import json  # noqa: E402
 import platform  # noqa: E402
 import subprocess  # noqa: E402
+from collections.abc import Iterator  # noqa: E402
 from importlib.metadata import version  # noqa: E402
 from pathlib import Path  # noqa: E402
+from typing import Any  # noqa: E402
 
 import cluster  # noqa: E402
 import contact_fit  # noqa: E402
@@ -31,8 +33,8 @@ PACKAGES = ("numpy", "scipy", "numba", "pyeit", "torch", "lightning", "distribut
 BEGIN, END = "<!-- results -->", "<!-- end of results -->"
 
 
-def measure(small: bool, only: str | None) -> dict:
-    """All results, or one section; ``small``: two meshes, few turns and few trials, for a look in a minute or two."""
+def measure(small: bool, only: list[str] | None) -> Iterator[tuple[str, Any]]:
+    """Each section with its result, or some of them; ``small``: two meshes, few turns and trials, for a look."""
     turns = 5 if small else 15
     pairs = 400 if small else 32_400
     sizes = (2_500, 10_000) if small else (2_500, 10_000, 40_000)
@@ -52,9 +54,11 @@ def measure(small: bool, only: str | None) -> dict:
             "loops": told(training.loops(training.material(pairs, cores), 1 if small else 2, 3 if small else 7)),
             "full": told(training.full(training.material(pairs, cores), cores)),
         },
-        "cluster": lambda: told(cluster.run(Plan(trials=pairs, denoiser_trials=0), 1 if small else 2)),
+        "cluster": lambda: told(cluster.run(Plan(trials=pairs, denoiser_trials=0), turns=1)),
     }
-    return {name: section() for name, section in sections.items() if only in (None, name)}
+    for name, section in sections.items():
+        if only is None or name in only:
+            yield name, section()
 
 
 def machine(cores: int) -> dict:
@@ -70,8 +74,8 @@ def machine(cores: int) -> dict:
 
 
 def commit() -> str:
-    """The checkout's commit, marked where files differ from it."""
-    asked = ["git", "-C", str(HERE), "describe", "--always", "--dirty", "--exclude=*"]
+    """The checkout's commit."""
+    asked = ["git", "-C", str(HERE), "rev-parse", "--short", "HEAD"]
     found = subprocess.run(asked, capture_output=True, text=True, check=False)
     return found.stdout.strip() or "unknown"
 
@@ -125,21 +129,29 @@ def main() -> None:
     """Measure, then write table, plot and numbers; ``--small`` prints only."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--small", action="store_true", help="a look in a minute or two; writes nothing")
-    parser.add_argument("--only", metavar="SECTION", help="measure this section again and keep the others")
+    parser.add_argument("--only", metavar="SECTION", nargs="+", help="measure these again and keep the others")
     arguments = parser.parse_args()
     store = HERE / "results.json"
-    results = measure(arguments.small, arguments.only)
-    if arguments.only and store.is_file():
-        results = {**json.loads(store.read_text()), **results}
+    results = json.loads(store.read_text()) if arguments.only and not arguments.small else {}
+    for name, result in measure(arguments.small, arguments.only):
+        results[name] = result
+        if not arguments.small:
+            replace(store, json.dumps(results, indent=1) + "\n")
     lines = "\n".join(tables.page(results))
     print(lines)
     if arguments.small:
         return
-    store.write_text(json.dumps(results, indent=1) + "\n")
     draw(results, HERE / "scaling.png")
     readme = HERE / "README.md"
     before, rest = readme.read_text().split(BEGIN)
-    readme.write_text(before + BEGIN + "\n" + lines + "\n" + END + rest.split(END)[1])
+    replace(readme, before + BEGIN + "\n" + lines + "\n" + END + rest.split(END)[1])
+
+
+def replace(path: Path, text: str) -> None:
+    """Write aside and rename."""
+    aside = path.with_name(path.name + ".part")
+    aside.write_text(text)
+    os.replace(aside, path)
 
 
 if __name__ == "__main__":

@@ -11,38 +11,68 @@ Row = dict[str, Any]
 
 
 def page(results: Row) -> Iterator[str]:
-    """Lines of all tables, and of what they were measured on."""
-    host = results["machine"]
+    """Lines of the tables of all sections there are."""
+    sections: dict[str, Callable[[Any], Iterator[str]]] = {
+        "machine": host_lines,
+        "frame": frame_table,
+        "jacobian": jacobian_table,
+        "electrodes": electrode_table,
+        "contacts": press_table,
+        "trials": trial_table,
+        "neighbours": neighbour_lines,
+        "contact_fit": contact_table,
+        "training": training_tables,
+        "cluster": cluster_table,
+    }
+    for name, lines in sections.items():
+        if name in results:
+            yield from lines(results[name])
+
+
+def host_lines(host: Row) -> Iterator[str]:
+    """What it was measured on."""
     packages = ", ".join(f"{name} {number}" for name, number in host["packages"].items())
     yield f"{host['processor']}, {host['cores']} cores, load {host['load']:.1f} at the start; "
     yield f"Python {host['python']}, {packages}; commit {host['commit']}."
     yield "One thread, CPU milliseconds, medians; in brackets the median of the ratio to ertskin within a turn."
+
+
+def frame_table(rows: list[Row]) -> Iterator[str]:
+    """One frame against nodes."""
     yield from table(
         ["one frame, 24 electrodes, 6,624 readings", "ertskin", "SciPy, factor once", "pyEIT"],
         [
             [f"{row['nodes']:,} nodes", *times(row), beside(row["pyEIT"]) if "pyEIT" in row else "not run"]
-            for row in results["frame"]
+            for row in rows
         ],
     )
+
+
+def jacobian_table(rows: list[Row]) -> Iterator[str]:
+    """Derivatives."""
     yield from table(
         ["Jacobian of 276 numbers by every element", "ertskin", "NumPy after factor once"],
-        [[f"{row['nodes']:,} nodes", *times(row)] for row in results["jacobian"]],
+        [[f"{row['nodes']:,} nodes", *times(row)] for row in rows],
     )
+
+
+def electrode_table(rows: list[Row]) -> Iterator[str]:
+    """One frame against electrodes."""
     yield from table(
         ["one frame, about 10,000 nodes, all pairs driven", "ertskin", "SciPy, factor once"],
-        [[f"{row['electrodes']} electrodes", *times(row)] for row in results["electrodes"]],
+        [[f"{row['electrodes']} electrodes", *times(row)] for row in rows],
     )
+
+
+def press_table(rows: list[Row]) -> Iterator[str]:
+    """Presses solved one by one."""
     yield from table(
         ["contacts anywhere on the padded sheet, CPU ms a trial", "`fast` mesh", "`fine` mesh"],
-        [[str(row["contacts"]), f"{row['fast']:.1f}", f"{row['fine']:.1f}"] for row in results["contacts"]],
+        [[str(row["contacts"]), f"{row['fast']:.1f}", f"{row['fine']:.1f}"] for row in rows],
     )
-    yield from trial_table(results["trials"], results["neighbours"])
-    yield from contact_table(results["contact_fit"])
-    yield from training_tables(results["training"])
-    yield from cluster_table(results["cluster"])
 
 
-def trial_table(meshes: list[Row], neighbours: Row) -> Iterator[str]:
+def trial_table(meshes: list[Row]) -> Iterator[str]:
     """The paper's trials on both meshes."""
     cells: dict[str, Callable[[Row], str]] = {
         "unknowns of the sheet": lambda row: f"{row['nodes']:,}",
@@ -65,9 +95,14 @@ def trial_table(meshes: list[Row], neighbours: Row) -> Iterator[str]:
     header = [f"the paper's {meshes[0]['trials']:,} trials", *(f"`{row['resolution']}`" for row in meshes)]
     yield from table(header, [[name, *map(cell, meshes)] for name, cell in cells.items()])
     yield f"Rms errors in units of a 2 mV noise, over {trials.CHECKED} trials, neighbours among them; load"
-    yield f"{meshes[-1]['load']:.1f} at the end. All {neighbours['pairs']} pairs of taxels less than"
-    yield f"{1e3 * neighbours['apart_m']:.0f} mm apart, {neighbours['force_n']:.0f} N on each, in the 276 numbers:"
-    yield f"{neighbours['rms']:.3f} of the noise rms against the `fine` mesh, {neighbours['worst']:.3f} in the worst."
+    yield f"{meshes[-1]['load']:.1f} at the end."
+
+
+def neighbour_lines(row: Row) -> Iterator[str]:
+    """The hardest presses."""
+    yield f"All {row['pairs']} pairs of taxels less than {1e3 * row['apart_m']:.0f} mm apart, {row['force_n']:.0f} N on"
+    yield f"each, in the 276 numbers: {row['rms']:.3f} of the noise rms against the `fine` mesh solved in full,"
+    yield f"{row['worst']:.3f} in the worst."
 
 
 def contact_table(row: Row) -> Iterator[str]:
