@@ -51,7 +51,7 @@ def measure(small: bool, only: list[str] | None) -> Iterator[tuple[str, Any]]:
         "neighbours": lambda: told(trials.neighbours(cores)),
         "contact_fit": lambda: told(contact_fit.run("fast", turns)),
         "training": lambda: {
-            "loops": told(training.loops(training.material(pairs, cores), 1 if small else 2, 3 if small else 7)),
+            "loops": told(training.loops(training.material(pairs, cores), 1 if small else 3, 3 if small else 5)),
             "full": told(training.full(training.material(pairs, cores), cores)),
         },
         "cluster": lambda: told(cluster.run(Plan(trials=pairs, denoiser_trials=0), turns=1)),
