@@ -122,24 +122,33 @@ def test_what_can_not_be_is_told_in_a_line(
     assert "\n" not in error
 
 
-def test_killed_and_gone_on_with(tmp_path: Path) -> None:
+def test_stopped_then_killed_and_gone_on_with(tmp_path: Path) -> None:
     out = tmp_path / "a.h5"
-    command = [sys.executable, "-m", "ertskin.cli", *words(out, 3)]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    deadline = time.monotonic() + 120
-    while time.monotonic() < deadline and not _pressed(out, 1):
-        time.sleep(0.02)
-    os.kill(process.pid, signal.SIGKILL)
-    process.communicate()
+    stopped = _sent(out, signal.SIGTERM, 1)
+    assert stopped.returncode == 130
+    assert "Traceback" not in stopped.stderr
+    assert _sent(out, signal.SIGKILL, 2).returncode == -signal.SIGKILL
     before = read_recording(part_of(out)).frames
     assert before is not None
-    assert main(words(out, 3)) == 0
+    assert main(words(out, 4)) == 0
     frames = read_recording(out).frames
     assert frames is not None
     np.testing.assert_array_equal(frames.voltage_v[: len(before)], before.voltage_v)
     assert (np.diff(frames.history.time_s) > 0).all()
-    assert set(frames.history.press) == {0, 1, 2, 3}
+    assert set(frames.history.press) == {0, 1, 2, 3, 4}
     assert not part_of(out).exists()
+
+
+def _sent(out: Path, number: signal.Signals, press: int) -> subprocess.CompletedProcess[str]:
+    """A recording that gets a signal once it presses, in the press of that number."""
+    command = [sys.executable, "-m", "ertskin.cli", *words(out, 4)]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    deadline = time.monotonic() + 120
+    while time.monotonic() < deadline and not _pressed(out, press):
+        time.sleep(0.02)
+    os.kill(process.pid, number)
+    told, wrong = process.communicate()
+    return subprocess.CompletedProcess(command, process.returncode, told, wrong)
 
 
 def _pressed(out: Path, press: int) -> bool:
