@@ -7,9 +7,7 @@ or the presses a diagnosis asks for from its ``diagnosis.json``.
 
 from __future__ import annotations
 
-import signal
-from collections.abc import Iterator
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -51,6 +49,7 @@ def run(config: DictConfig) -> None:
     from ertskin.bench.opening import described, opened
     from ertskin.bench.plan_choice import chosen_plan
     from ertskin.errors import JobFailed, UserError
+    from ertskin.interrupts import Terminated
 
     # Recordings side by side must not draw over one another's bars.
     console, path = Console(force_terminal=False if _sweeping() else None), Path(config.recording)
@@ -64,7 +63,7 @@ def run(config: DictConfig) -> None:
         raise RecordingError(f"{path}: found a recording already there, expected a free name (nothing was overwritten)")
     start_s = _last_frame_s(path) + RESUME_GAP_S if _half_done(path) else 0.0
     try:
-        with _stoppable(), opened(fields["rig"], sensor, protocol, start_s, purpose=plan.name) as bench:
+        with opened(fields["rig"], sensor, protocol, start_s, purpose=plan.name) as bench:
             header = Recording(
                 str(fields["rig"]["name"]),
                 _created(fields["rig"]),
@@ -80,7 +79,11 @@ def run(config: DictConfig) -> None:
     except PlanError as error:
         raise UserError(f"plan: {error}") from None
     except InstrumentError as error:
-        raise JobFailed(f"{error}{_kept(path)}") from None
+        raise JobFailed(f"{error}; {_kept(path)}" if _half_done(path) else str(error)) from None
+    except (KeyboardInterrupt, Terminated):
+        if _half_done(path):
+            console.print(_kept(path), highlight=False, soft_wrap=True)
+        raise
     _tell(console, path, outcome)
 
 
@@ -194,23 +197,9 @@ def _last_frame_s(path: Path) -> float:
 def _kept(path: Path) -> str:
     from hardware.recorder import part_of
 
-    return f"; what was recorded is kept in {part_of(path)}, record again to go on" if _half_done(path) else ""
+    return f"what was recorded is kept in {part_of(path)}, record again to go on"
 
 
 def _created(rig: dict[str, Any]) -> str:
     """Now; a virtual bench has no calendar, so that the same seed gives the same file."""
     return "2026-01-01T00:00:00Z" if rig.get("virtual") else datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
-
-
-@contextmanager
-def _stoppable() -> Iterator[None]:
-    """Let termination end a recording as Ctrl-C does: with the stage raised and the file closed."""
-
-    def stop(_number: int, _frame: object) -> None:
-        raise KeyboardInterrupt
-
-    before = signal.signal(signal.SIGTERM, stop)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, before)
