@@ -163,11 +163,15 @@ class Skin:
 
     # conduction ----------------------------------------------------------------------------------------------------
 
-    def pair_resistance_ohm(self, history: History, force_n: Array | None = None) -> Array:
-        """(T,P) pair resistances of every frame, P = L(L-1)/2.
+    def pair_resistance_ohm(
+        self, history: History, force_n: Array | None = None, wanted: NDArray[np.intp] | None = None
+    ) -> Array:
+        """(n,P) pair resistances of the ``wanted`` frames (n,), in recording order, all T by default, P = L(L-1)/2.
 
-        ``force_n`` (T,C) takes precedence over the history's; where neither is known the depth tells.
+        ``force_n`` (T,C) takes precedence over the history's; where neither is known the depth tells. Frames that are
+        not wanted count as the past of those that are.
         """
+        wanted = np.arange(len(history)) if wanted is None else wanted
         forces = self.known_force_n(history) if force_n is None else force_n
         contact = self.contact_m(history.contact_m)
         pads = self.pad_sample_m
@@ -177,13 +181,13 @@ class Skin:
         contacts = self.contact_resistances_ohm(history.time_s, on_pads)
         drift = self.drift(history.time_s)
         resting = self.sheet_conductance_s(np.zeros(self.sheet.weight_m2.size), self.sheet.quadrature_m.reshape(-1, 2))
-        result = np.empty((len(history), self.protocol.electrodes * (self.protocol.electrodes - 1) // 2))
-        for rows in _groups(contact, forces):
-            points, conductance = self.pressed_conductance_s(history.time_s, contact, forces, rows)
-            for k, t in enumerate(rows):
+        result = np.empty((len(wanted), self.protocol.electrodes * (self.protocol.electrodes - 1) // 2))
+        for group in _groups(contact[wanted], forces[wanted]):
+            points, conductance = self.pressed_conductance_s(history.time_s, contact, forces, wanted[group])
+            for k, row in enumerate(group):
                 sheet = resting.copy()
                 sheet[points] = conductance[k]
-                result[t] = self._solved(sheet, contacts[t], drift[t])
+                result[row] = self._solved(sheet, contacts[wanted[row]], drift[wanted[row]])
         return result
 
     def pressed_conductance_s(
@@ -248,18 +252,22 @@ class Skin:
             return np.where(history.touched, history.force_n, np.nan)
         return np.where(known, history.force_n, self.force_n(history))
 
-    def readings_v(self, history: History, force_n: Array | None = None) -> Array:
-        """(T,K,M) volt: noise-free readings, every effect of the acquisition included."""
+    def readings_v(
+        self, history: History, force_n: Array | None = None, wanted: NDArray[np.intp] | None = None
+    ) -> Array:
+        """(n,K,M) volt: noise-free readings of the ``wanted`` frames (n,), all by default, with every effect."""
         skews = _of(self.effects, ScanSkew)
         if skews and self.protocol.injection_offset_s is not None:
-            voltage = self._skewed_v(history, skews[0], force_n)
+            voltage = self._skewed_v(history, skews[0], force_n, wanted)
         else:
-            voltage = self.protocol.readings(self.pair_resistance_ohm(history, force_n))
+            voltage = self.protocol.readings(self.pair_resistance_ohm(history, force_n, wanted))
         for effect in sorted(_of(self.effects, AcquisitionEffect), key=lambda e: e.order):
             voltage = effect.distorted_v(voltage, self.protocol)
         return voltage
 
-    def _skewed_v(self, history: History, skew: ScanSkew, force_n: Array | None) -> Array:
+    def _skewed_v(
+        self, history: History, skew: ScanSkew, force_n: Array | None, wanted: NDArray[np.intp] | None
+    ) -> Array:
         """Readings of presses that go on moving: solved at a few moments of a scan, interpolated between."""
         offset = np.asarray(self.protocol.injection_offset_s)
         moments = np.linspace(offset.min(), offset.max(), SKEW_NODES)
@@ -267,11 +275,11 @@ class Skin:
         still = self.known_force_n(history) if force_n is None else force_n
         at_rest = self.force_n(history)
         depth = skew.depth_m(history, moments)
-        voltage = np.zeros((len(history), *self.protocol.shape))
+        voltage = np.zeros((len(history) if wanted is None else len(wanted), *self.protocol.shape))
         for s in range(SKEW_NODES):
             moved = self.force_n(history, depth[:, s])
             scale = np.where(at_rest > 0, moved / np.where(at_rest > 0, at_rest, 1.0), 1.0)
-            readings = self.protocol.readings(self.pair_resistance_ohm(history, still * scale))
+            readings = self.protocol.readings(self.pair_resistance_ohm(history, still * scale, wanted))
             voltage += weights[:, s, None] * readings
         return voltage
 

@@ -10,17 +10,31 @@ import numpy as np
 from physics.effects.effect import Array, PiezoEffect, parameter
 from physics.effects.exponential_memory import lagging
 
+STEPS = np.linspace(0.0, 1.0, 6)
+AGREED_PA = 1e4
+
 
 @dataclass(frozen=True)
 class PiezoCreep(PiezoEffect):
-    """The law answers to p + fraction m, m following p with time constant tau: the fabrics settle into one another."""
+    """The law answers to p + fraction m, m following p with time constant tau: the fabrics settle into one another.
+
+    With ``decades`` > 0 the mean of six such m, their time constants evenly spread in the logarithm from ``time_s`` on
+    over so many decades: fabrics creep with the logarithm of time. They need not creep in proportion to the pressure:
+    m follows p to the power ``exponent``, scaled to agree with p at ``AGREED_PA``.
+    """
 
     name: ClassVar[str] = "piezo_creep"
-    source: ClassVar[str] = "Standard linear solid in compliance; FSR drift, Hollinger & Wanderley (NIME 2006)"
+    source: ClassVar[str] = (
+        "Standard linear solid in compliance; FSR drift, Hollinger & Wanderley (NIME 2006); Nutting (1921)"
+    )
     order: ClassVar[int] = 3
 
     fraction: float = parameter("1", 0.0, 2.0, 0.0, 0.02, "extra pressure felt after a long hold, over the pressure")
     time_s: float = parameter("s", 0.05, 5000.0, 5.0, 1.0, "time constant", defining=False)
+
+    decades: float = parameter("1", 0.0, 6.0, 0.0, 0.5, "decades of time constants", defining=False)
+
+    exponent: float = parameter("1", 0.1, 2.0, 1.0, 0.1, "power of the pressure that creeps", defining=False)
 
     remembers_air: bool = False
     """Whether what a press left behind goes on into the next; otherwise an unloaded spot has recovered."""
@@ -28,4 +42,9 @@ class PiezoCreep(PiezoEffect):
     def effective_pressure_pa(self, pressure_pa: Array, position_m: Array, time_s: Array, extent_m: Array) -> Array:
         loaded = np.abs(pressure_pa).max(axis=1, initial=0.0) > 0
         cleared = None if self.remembers_air else ~loaded
-        return pressure_pa + self.fraction * lagging(pressure_pa, time_s, self.time_s, cleared)
+        constants_s = self.time_s * 10 ** (self.decades * STEPS) if self.decades > 0 else [self.time_s]
+        drive = pressure_pa
+        if self.exponent != 1:
+            drive = AGREED_PA * (np.maximum(pressure_pa, 0.0) / AGREED_PA) ** self.exponent
+        taken_in = sum(lagging(drive, time_s, constant_s, cleared) for constant_s in constants_s)
+        return pressure_pa + self.fraction / len(constants_s) * taken_in

@@ -16,7 +16,7 @@ def field_at(nodes: Nodes, position_m: Array, extent_m: Array) -> Array:
     rows, columns = values.shape
     along_x = _cardinal(columns, _unit(position_m[..., 0], extent_m[:, 0]))
     along_y = _cardinal(rows, _unit(position_m[..., 1], extent_m[:, 1]))
-    return np.einsum("...r,rc,...c->...", along_y, values, along_x)
+    return np.asarray(((along_y @ values) * along_x).sum(axis=-1))
 
 
 def field_design(shape: tuple[int, int], position_m: Array, extent_m: Array) -> Array:

@@ -1,7 +1,9 @@
 """Say what physics a recording shows that the simulator leaves out.
 
 ``recording=FILE out=DIR`` writes diagnosis.json, report.html with figures, and the effects found as a choice for
-synthesize and train: effects=NAME, NAME being the recording's. Many at once, each on its own worker of the cluster:
+synthesize and train: effects=NAME, NAME being the recording's. With ``retrain=true`` and test recordings ``one=FILE``
+``two=FILE`` it trains with and without what was found and says what that does to the metrics.
+Many at once, each on its own worker of the cluster:
 recording=[A.h5,B.h5] or recording='FOLDER/*.h5'; every one then has its own folder below out.
 """
 
@@ -17,6 +19,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from ertskin.diagnosis.claims import Diagnosis
+    from ertskin.diagnosis.retraining import Retraining
 
 EFFECTS = Path("runs/conf")
 Report = Callable[[float | None, str], None]
@@ -74,12 +77,42 @@ def _diagnose_one(config: DictConfig, source: Path, console: Console) -> None:
     from ertskin.diagnosis.summary import print_summary
     from ertskin.diagnosis.written import config_name
 
+    retraining = _retraining(config)
     out = Path(config.out) if config.out else Path("runs/diagnose") / config_name(source)
     with progress_bar(console) as report:
         diagnosis, written = Diagnoses((source,), (out,), EFFECTS, config.physics.resolution).diagnosed(0, report)
     print_summary(console, diagnosis)
     for path in written:
         console.print(str(path), soft_wrap=True, highlight=False)
+    if retraining is not None:
+        _retrain(retraining, diagnosis, source, out, console)
+
+
+def _retraining(config: DictConfig) -> Retraining | None:
+    """What is asked for, checked before the diagnosis takes its minutes."""
+    if not config.retrain:
+        return None
+    from ertskin.diagnosis.retraining import Retraining
+
+    one, two = (None if config[role] is None else Path(config[role]) for role in ("one", "two"))
+    return Retraining(one, two, tuple(config.models), tuple(config.seeds), tuple(config.settings))
+
+
+def _retrain(retraining: Retraining, diagnosis: Diagnosis, source: Path, out: Path, console: Console) -> None:
+    from dataclasses import replace
+
+    from ertskin.diagnosis.summary import print_retrained
+    from ertskin.diagnosis.written import config_name, write_diagnosis
+
+    if not diagnosis.claims:
+        console.print("nothing was named: there is nothing to retrain with")
+        return
+    retrained = retraining.compared(source, config_name(source), out / "retrained")
+    print_retrained(console, retrained)
+    write_diagnosis(out, replace(diagnosis, extra={**diagnosis.extra, "retrained": retrained}))
+    for name in retrained:
+        report = out / "retrained" / name / "evaluate" / "report.html"
+        console.print(f"report {name} the effects: {report}", soft_wrap=True, highlight=False)
 
 
 def _diagnose_many(config: DictConfig, sources: tuple[Path, ...], console: Console) -> None:
@@ -90,6 +123,8 @@ def _diagnose_many(config: DictConfig, sources: tuple[Path, ...], console: Conso
     from ertskin.errors import JobFailed, UserError
     from ertskin.progress import counting
 
+    if config.retrain:
+        raise UserError("retrain=true takes one recording, not many")
     names = [config_name(source) for source in sources]
     if len(set(names)) < len(names):
         raise UserError(f"recordings with the same name would write into the same folder: {', '.join(sorted(names))}")

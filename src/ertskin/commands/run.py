@@ -7,17 +7,14 @@ done again.
 
 from __future__ import annotations
 
-import os
-import shlex
-import subprocess
-import sys
 import time
 from pathlib import Path
 
 from omegaconf import DictConfig
 
 from ertskin.data.shards import request_key
-from ertskin.errors import JobFailed, UserError
+from ertskin.errors import UserError
+from ertskin.steps import run_step
 
 PLANS = {"recording": "quick", "one": "one_point_test", "two": "two_point_test"}
 """Role of a recording in the job, and the plan the rig carries out for it."""
@@ -30,13 +27,13 @@ def run(config: DictConfig) -> None:
     recording = f"recording={files['recording']}"
     tests = [f"{role}={files[role]}" for role in ("one", "two") if files[role] is not None]
     settings = _handed_on()
-    _step(["doctor", recording])
-    _step(["calibrate", recording, *_accepted("calibrate", settings)])
-    _step(["synthesize", recording, *_accepted("synthesize", settings)])
+    run_step(["doctor", recording])
+    run_step(["calibrate", recording, *_accepted("calibrate", settings)])
+    run_step(["synthesize", recording, *_accepted("synthesize", settings)])
     sweep = [f"model={','.join(config.models)}", f"seed={','.join(map(str, config.seeds))}"]
-    _step(["train", "-m", recording, *sweep, *_accepted("train", settings), *_launcher(int(config.jobs))])
+    run_step(["train", "-m", recording, *sweep, *_accepted("train", settings), *_launcher(int(config.jobs))])
     if tests:
-        _step(["evaluate", recording, *tests, *_accepted("evaluate", settings)])
+        run_step(["evaluate", recording, *tests, *_accepted("evaluate", settings)])
     else:
         print("no test recording given (one=FILE two=FILE): nothing to evaluate on")
     print(f"\ndone in {time.monotonic() - begun:.0f} s; compare the runs with: ertskin dashboard")
@@ -70,7 +67,7 @@ def _recorded(config: DictConfig) -> dict[str, Path | None]:
         into = f"recording={config.recordings}/{rig}_${{hydra:runtime.choices.plan}}.h5"
         side_by_side = _launcher(int(config.jobs)) if config.rig.get("virtual") else []
         accepted = _accepted("record", _handed_on())
-        _step(["record", "-m", f"plan={','.join(missing)}", into, *accepted, *side_by_side])
+        run_step(["record", "-m", f"plan={','.join(missing)}", into, *accepted, *side_by_side])
     return dict(files)
 
 
@@ -88,14 +85,3 @@ def _accepted(verb: str, settings: list[str]) -> list[str]:
     entries = [entry for entry in loaded.defaults if hasattr(entry, "items")]
     known = {str(group) for entry in entries for group in entry} | {str(key) for key in loaded}
     return [setting for setting in settings if setting.split("=")[0].lstrip("+~").split(".")[0] in known]
-
-
-def _step(words: list[str]) -> None:
-    """Run one command of ours and let it speak; ``JobFailed`` if it failed, ``KeyboardInterrupt`` if it was stopped."""
-    print(f"\n$ ertskin {shlex.join(words)}", flush=True)
-    environment = {**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
-    status = subprocess.run([sys.executable, "-m", "ertskin.cli", *words], env=environment, check=False).returncode
-    if status in (130, -2):
-        raise KeyboardInterrupt
-    if status:
-        raise JobFailed(f"the step above ended with status {status}: ertskin {shlex.join(words)}")

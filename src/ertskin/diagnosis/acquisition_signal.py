@@ -16,6 +16,8 @@ from physics.skin import Skin, lagrange_weights
 
 Array = NDArray[np.float64]
 
+REMEMBERED = 7
+
 
 def instruments(effects: Sequence[Effect]) -> list[AcquisitionEffect]:
     """The acquisition effects, in the order in which they act on the readings."""
@@ -35,12 +37,16 @@ class AcquisitionSignal:
         self.evidence = evidence
         self.linear = linear
         self.rows = rows
+        self._maps: dict[AcquisitionEffect, tuple[Array, Array]] = {}
 
     def scans(self, skin: Skin) -> Array:
         """(T,P) whitened scans as the instrument sees them."""
         scans = self.linear.scans(skin)
         for effect in instruments(skin.effects):
-            matrix, offset = self._on_scans(effect)
+            if effect not in self._maps:
+                # Most parameters a fit moves leave the instrument alone: a few of its maps are enough.
+                self._maps = {**dict(list(self._maps.items())[-REMEMBERED:]), effect: self._on_scans(effect)}
+            matrix, offset = self._maps[effect]
             scans = scans @ matrix.T + offset
         return scans
 

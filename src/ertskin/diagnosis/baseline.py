@@ -28,7 +28,7 @@ FORCE_MATERIAL = 1.05
 class Baseline:
     """``skin`` calibrated at rest, the force stage without and with its effects, forces (T,C) that drive it.
 
-    ``noise_v`` of a whitened scan's numbers and ``stray`` (P,k), as the rest frames scatter.
+    ``noise_v`` of a whitened scan's numbers, ``stray`` (P,k) and ``traces`` (T,P,m) for the evidence.
     """
 
     skin: Skin
@@ -42,6 +42,7 @@ class Baseline:
     rest_ratio: float
     noise_v: float
     stray: Array
+    traces: Array
 
 
 def calibrated(recording: Recording, evidence: Evidence, resolution: str = "fine") -> Baseline:
@@ -65,14 +66,14 @@ def calibrated(recording: Recording, evidence: Evidence, resolution: str = "fine
     plain, best = _force_stage(evidence, support, share, noise_n)
     contacts = np.full(evidence.protocol.electrodes, max(evidence.sensor.contact_resistance_guess_ohm, 10.0))
     skin = Skin.build(evidence.sensor, evidence.protocol, law.law, contacts, support, (), resolution)
-    skin, ratio, drift, noise_v, stray = rested(skin, evidence)
+    skin, ratio, drift, noise_v, stray, traces = rested(skin, evidence)
     if best is not None:
         skin = replace(skin, pad_n_per_m=best.pad_n_per_m, effects=(*best.effects, *drift))
     force = _driving_force(evidence, best)
     signal = SpecimenSignal.of(specimen, law.noise_fraction)
     findings, noise = specimen_findings(SpecimenTest(signal.stress_pa, signal.resistance_ohm_sq, signal.time_s))
     signal = replace(signal, noise_fraction=noise)
-    return Baseline(skin, plain, best, noise_n, force, signal, tuple(findings), drift, ratio, noise_v, stray)
+    return Baseline(skin, plain, best, noise_n, force, signal, tuple(findings), drift, ratio, noise_v, stray, traces)
 
 
 def _force_noise_n(evidence: Evidence, scatter_n: float) -> float:

@@ -97,6 +97,8 @@ def _trials(problem: VoltageProblem, present: set[str]) -> list[tuple[Probes, Ca
     plain(PiezoHysteresis(), ("width",), ("width",))
     for time_s, remembers in ((1.0, False), (5.0, False), (30.0, False), (30.0, True), (300.0, True)):
         plain(PiezoCreep(time_s=time_s, remembers_air=remembers), ("fraction",), ("fraction", "time_s"))
+    ladder = PiezoCreep(time_s=0.3, decades=4.0, remembers_air=True)
+    plain(ladder, ("fraction",), ("fraction", "time_s", "decades"))
     for sensitivity in (2e-5, 3e-4):
         _loaded_contacts(trials, sensitivity, present)
     placement = ("dx_m", "dy_m", "rotation_rad")
@@ -228,8 +230,12 @@ def added_gain(
     specimen: Array,
     specimen_columns: Array,
     partitions: Sequence[Sequence[int]],
+    precision: Array | None = None,
 ) -> tuple[float, Array]:
-    """First-order held-out gain in half chi-square of adding columns (T,P,c) to the fit, and their coefficients."""
+    """First-order held-out gain in half chi-square of adding columns (T,P,c) to the fit, and their coefficients.
+
+    ``precision`` (c,) of the coefficients about nought, beforehand.
+    """
     quadratic = solved.fit.quadratic
     added = columns.shape[-1]
     count = len(solved.fit.value)
@@ -257,6 +263,8 @@ def added_gain(
         hessian[-1, count:, :count] = cross.T
     prior = np.zeros(count + added)
     prior[:count] = solved.fit.prior.diagonal()
+    if precision is not None:
+        prior[count:] = precision
     value = np.concatenate([solved.fit.value, np.zeros(added)])
     gain = 0.0
     for out in [*partitions, []]:

@@ -22,6 +22,7 @@ from ertskin.diagnosis.claims import (
     against,
     verdict_of,
 )
+from ertskin.diagnosis.confidence import AXES_OF, left_over, mending, overshadowed
 from ertskin.diagnosis.doubt import settling_press
 from ertskin.diagnosis.drift_claims import drift_claims
 from ertskin.diagnosis.evidence import CannotTell, Evidence, gather
@@ -52,26 +53,8 @@ SATURATED = 0.97
 """Confidence that readings piled up or bent at the top of their range are the converter's doing."""
 LONE_PRESS = 2.0
 """Misfit over noise from which a single held-out press is enough to say that something is missing."""
-AXES_OF = {
-    "nonlinear_foam": ("force",),
-    "viscoelastic_foam": ("history", "time"),
-    "foam_hysteresis": ("history",),
-    "foam_softening": ("history", "place"),
-    "indenter_offset": ("place",),
-    "piezo_hysteresis": ("history", "force"),
-    "piezo_creep": ("history", "time"),
-    "piezo_inhomogeneity": ("place", "force"),
-    "sheet_anisotropy": ("place",),
-    "sheet_inhomogeneity": ("place",),
-    "temperature_drift": ("time",),
-    "contact_pressure_dependence": ("electrode", "force"),
-    "contact_drift": ("electrode", "time"),
-    "electrode_displacement": ("electrode",),
-    "channel_gain": ("electrode",),
-    "crosstalk": ("scan_order",),
-    "adc_saturation": ("electrode",),
-    "scan_skew": ("scan_order", "history"),
-}
+STANDS_OUT = 3.0
+"""Times the median by which a channel's standing error makes it the one that is wrong."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,11 +89,11 @@ def _diagnose(recording: Recording, name: str, report: Report, resolution: str) 
     evidence = gather(recording)
     report(0.04, "calibrating at rest, fitting force and depth")
     baseline = calibrated(recording, evidence, resolution)
-    evidence = replace(evidence, noise_v=baseline.noise_v, stray=baseline.stray)
+    evidence = replace(evidence, noise_v=baseline.noise_v, stray=baseline.stray, traces=baseline.traces)
     usable = np.isfinite(evidence.scan_v).all(axis=1) & _placed(evidence)
     fitted, held = _split(evidence, usable)
     fitted = thinned(evidence.history, fitted, MOST_FRAMES)
-    train, force = _frames(evidence, fitted), baseline.force_n[fitted]
+    train = _frames(evidence, fitted)
     number = np.unique(train.history.press, return_inverse=True)[1]
     cells = (number % FOLDS).astype(np.intp)
     family = SkinFamily(baseline.skin)
@@ -122,7 +105,7 @@ def _diagnose(recording: Recording, name: str, report: Report, resolution: str) 
             else family.skin(solved.calibration, solved.effects)
         )
         skin = _remeshed(skin, resolution)
-        linear = LinearSkin(skin, train.history, force, lambda share, text: report(None, text))
+        linear = LinearSkin(skin, evidence.history, baseline.force_n, fitted, lambda share, text: report(None, text))
         return VoltageProblem(train, family, linear, baseline.specimen, cells, np.ones(len(train.history)))
 
     start = Calibration(
@@ -153,6 +136,7 @@ def _frames(evidence: Evidence, rows: NDArray[np.intp]) -> Evidence:
         history=evidence.history[rows],
         scan_v=evidence.scan_v[rows],
         leftover_v=evidence.leftover_v[rows],
+        traces=evidence.traces[rows],
     )
 
 
@@ -221,9 +205,9 @@ def _predictions(
 
 
 def _residual(evidence: Evidence, skin: Skin, force_n: Array, held: NDArray[np.intp]) -> Array:
-    readings = skin.readings_v(evidence.history[held], force_n[held])
+    readings = skin.readings_v(evidence.history, force_n, held)
     scans = readings.reshape(len(held), -1) @ evidence.protocol.orthonormal
-    return evidence.discounted((evidence.scan_v[held] - scans) / evidence.noise_v)
+    return _frames(evidence, held).discounted((evidence.scan_v[held] - scans) / evidence.noise_v)
 
 
 def _answer(
@@ -239,9 +223,11 @@ def _answer(
     ratio_before, ratio_after = _ratio(before), _ratio(after)
     claims = [_voltage_claim(selection, chosen, k) for k, chosen in enumerate(selection.chosen)]
     force_claims, force_before, force_after = _force_claims(evidence, baseline, selection)
-    claims = _discounted([*claims, *force_claims, *drift_claims(baseline, selection)], ratio_before, ratio_after)
-    claims += _instrument_claims(evidence)
+    ratios = ratio_before, ratio_after
     left = _leftover_after(evidence, selection)
+    claims = left_over([*claims, *force_claims, *drift_claims(baseline, selection)], *ratios)
+    claims = overshadowed(mending(claims), evidence.protocol.orthonormal.shape, ratios, left)
+    claims += _instrument_claims(evidence)
     claims.sort(key=lambda c: -c.ratio_alone)
     force_off = force_after is not None and force_after > FORCE_MATERIAL * baseline.force_noise_n * 1.05
     tests_before, tests_after = (
@@ -270,6 +256,8 @@ def _answer(
         for key in ("electrode", "channel")
         if getattr(c.effect, key, -1) >= 0
     )
+    if left > MATERIAL_RATIO:
+        electrodes = tuple(dict.fromkeys((*electrodes, *leftover_channels(evidence))))
     axes = list(dict.fromkeys(a for c in claims for a in AXES_OF.get(c.effect.name, ())))
     remaining = depends_on(tests_after) if ratio_after > MATERIAL_RATIO else []
     if verdict == "unexplained":
@@ -346,13 +334,11 @@ def _misfit_p(residual: Array) -> float:
     return float(chi2.sf(float((residual**2).sum()), residual.size))
 
 
-def _discounted(claims: list[Claim], before: float, after: float) -> list[Claim]:
-    """Claims lose confidence with the part of the excess misfit that they leave: a wrong form explains in part."""
-    excess, left = max(before**2 - 1, 0.0), max(after**2 - MATERIAL_RATIO**2, 0.0)
-    if excess <= 0 or left <= 0:
-        return claims
-    share = max(0.0, 1 - left / excess)
-    return [replace(c, confidence=c.confidence * (share if c.effect.stage != "mechanics" else 1.0)) for c in claims]
+def leftover_channels(evidence: Evidence) -> tuple[int, ...]:
+    """Channels whose readings are off by what no network explains, frame after frame, far more than the others'."""
+    mean = evidence.leftover_v.mean(axis=0)
+    size = np.sqrt((mean**2).mean(axis=0))
+    return tuple(int(k) for k in np.flatnonzero(size > STANDS_OUT * np.median(size)))
 
 
 def _voltage_claim(selection: Selection, chosen: Chosen, number: int) -> Claim:

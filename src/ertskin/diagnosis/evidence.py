@@ -34,7 +34,8 @@ class Evidence:
     ``scan_v`` (T,P) whitened scans, spikes left out; ``leftover_v`` (T,K,M) what no resistor network gives, zero at
     spikes; ``spike_fraction`` of the readings; ``leftover_noise_v`` noise of a reading by what no network explains,
     ``noise_v`` the same of a whitened scan's numbers: equal unless the noise is coloured; ``air_n`` of the load cell.
-    ``stray`` (P,k): directions, one standard deviation long in units of the noise, in which rest frames scatter more.
+    ``stray`` (P,k): directions, one standard deviation long in units of the noise, in which rest frames scatter more;
+    ``traces`` (T,P,m): orthonormal directions, or noughts, that say nothing: places pressed before and not recovered.
     """
 
     sensor: Sensor
@@ -48,9 +49,13 @@ class Evidence:
     air_n: float
     saturated_v: float | None
     stray: Array
+    traces: Array
 
     def discounted(self, rows: Array) -> Array:
-        """Rows (T,P,...) in units of the noise times the inverse square root of I + S S', S being ``stray``."""
+        """Rows (T,P,...) in units of the noise without ``traces``, times (I + S S')^-1/2, S being ``stray``."""
+        if self.traces.shape[2]:
+            along = np.einsum("tp...,tpm->tm...", rows, self.traces)
+            rows = rows - np.einsum("tm...,tpm->tp...", along, self.traces)
         if not self.stray.shape[1]:
             return rows
         axes, size, _ = np.linalg.svd(self.stray, full_matrices=False)
@@ -128,6 +133,7 @@ def gather(recording: Recording) -> Evidence:
         air,
         limit,
         np.zeros((pairs, 0)),
+        np.zeros((len(scan), pairs, 0)),
     )
 
 

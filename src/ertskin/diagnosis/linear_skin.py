@@ -76,9 +76,9 @@ class Past:
 class Patch:
     """The surroundings of one set of contacts.
 
-    ``rows`` (m,) frames with these contacts; ``past`` what counts for memories there, ``since_air`` the same where air
-    clears them; ``grid_m`` (G,2); ``states`` the solutions and ``state_of`` (m,) which one each row uses;
-    ``directions`` (G,R) what of the grid their derivatives see.
+    ``rows`` (m,) which of the wanted frames have these contacts; ``past`` what counts for memories there, ``since_air``
+    the same where air clears them; ``grid_m`` (G,2); ``states`` the solutions and ``state_of`` (m,) which one each row
+    uses; ``directions`` (G,R) what of the grid their derivatives see.
     """
 
     rows: Indices
@@ -101,17 +101,30 @@ class Patch:
 
 
 class LinearSkin:
-    """Whitened scans of a history for any calibration and effects near those of ``skin``."""
+    """Whitened scans of a history for any calibration and effects near those of ``skin``.
 
-    def __init__(self, skin: Skin, history: History, force_n: Array, progress: Progress | None = None) -> None:
+    Of the ``wanted`` frames (n,), in recording order; the history's others count as their past.
+    """
+
+    def __init__(
+        self,
+        skin: Skin,
+        history: History,
+        force_n: Array,
+        wanted: Indices | None = None,
+        progress: Progress | None = None,
+    ) -> None:
         self.skin = skin
         self.history = history
         self.force_n = force_n
+        self.wanted = np.arange(len(history)) if wanted is None else wanted
         self.protocol = skin.protocol
         self._whitening = whitening_of_transfer(skin.protocol)
         self._contact = skin.contact_m(history.contact_m)
         self._regime: tuple[object, tuple[Effect, ...], object] = (None, (), None)
         self._pressures: dict[tuple[object, ...], Array] = {}
+        self._still: tuple[Skin, Array, Array] | None = None
+        self._moving: tuple[Skin, Array, list[Array]] | None = None
         self._rims = PadRims(skin.sheet)
         self._points = skin.sheet.quadrature_m.reshape(-1, 2)
         self._tensor = _tensor_of(skin.effects)
@@ -144,7 +157,7 @@ class LinearSkin:
         return bool(np.array_equal(self._tensor, [1.0, 0.0, 1.0]))
 
     def _build(self, progress: Progress) -> list[Patch]:
-        groups = contact_groups(self._contact, self.force_n)
+        groups = contact_groups(self._contact[self.wanted], self.force_n[self.wanted])
         done = 0
 
         def one(rows: Indices) -> Patch:
@@ -159,7 +172,8 @@ class LinearSkin:
 
     def _patch(self, rows: Indices) -> Patch:
         present = _present(self._contact, self.force_n)
-        spots = self._contact[rows[0]][present[rows[0]]]
+        frames = self.wanted[rows]
+        spots = self._contact[frames[0]][present[frames[0]]]
         reach = self.skin.pressure.radius_m(TAIL)
         near = _within(self._points, spots, reach)
         elements = model_elements(self.skin.sheet, near)
@@ -171,8 +185,8 @@ class LinearSkin:
         hats = Hats(low, high, GRID_M)
         inside = np.flatnonzero(_within(hats.node_m, spots, reach + 2 * GRID_M))
         visits = _memory_frames(self._contact, self.force_n, spots, reach)
-        since = _since_air(np.asarray(~present.any(axis=1)), rows)
-        past, since_air = (Past(frames, np.searchsorted(frames, rows)) for frames in (visits, since))
+        since = _since_air(np.asarray(~present.any(axis=1)), frames)
+        past, since_air = (Past(known, np.searchsorted(known, frames)) for known in (visits, since))
         nobody, unknown = np.zeros(len(rows), dtype=np.intp), np.zeros((len(inside), 0), dtype=np.float32)
         patch = Patch(rows, past, since_air, hats, inside, [], nobody, unknown)
         relative = self._relative(self.skin, self.force_n, patch)
@@ -242,12 +256,13 @@ class LinearSkin:
             return sheet_sensitivity(solution, elements, hats, self._whitening, SHEET_TENSORS, scale * relative)
 
         def strongest(patch: Patch) -> Array:
-            spots = self._contact[patch.rows[0]][_present(self._contact, self.force_n)[patch.rows[0]]]
+            first = self.wanted[patch.rows[0]]
+            spots = self._contact[first][_present(self._contact, self.force_n)[first]]
             if not len(spots):
                 return rest
             close = np.flatnonzero(_within(points, spots, self.skin.pressure.radius_m(TAIL)))
             signal = np.array([np.abs(patch.states[k].relative - 1).sum() for k in patch.state_of])
-            row = patch.rows[int(signal.argmax())]
+            row = self.wanted[patch.rows[int(signal.argmax())]]
             sheet = np.ones(len(points))
             past = patch.past_of(self.skin)
             mine = Past(past.frames, np.searchsorted(past.frames, [row]))
@@ -268,7 +283,7 @@ class LinearSkin:
     # evaluating ----------------------------------------------------------------------------------------------------
 
     def scans(self, skin: Skin, force_n: Array | None = None) -> Array:
-        """(T,P) whitened scans of the history for another calibration and other effects, scan skew included."""
+        """(n,P) whitened scans of the wanted frames for another calibration and other effects, scan skew included."""
         force = self.force_n if force_n is None else force_n
         skew = [e for e in skin.effects if isinstance(e, ScanSkew) and e.speed_m_per_s > 0]
         if not skew or self.protocol.injection_offset_s is None:
@@ -277,10 +292,13 @@ class LinearSkin:
         return sum(still @ mix.T for still, mix in zip(self.skewed(skin, skew[0], force, moments), mixing, strict=True))  # type: ignore[return-value]
 
     def skewed(self, skin: Skin, skew: ScanSkew, force_n: Array, moments: Array) -> list[Array]:
-        """Whitened scans (T,P) the skin would give standing still at each of the moments (S,) of its motion."""
-        forces = self._moved_forces(skin, skew, force_n, moments)
-        about = self._moments if self._moments else [self] * len(forces)
-        return [linear.still_scans(skin, force) for linear, force in zip(about, forces, strict=True)]
+        """Whitened scans (n,P) the skin would give standing still at each of the moments (S,) of its motion."""
+        if self._moving is None or self._moving[0] is not skin or self._moving[1] is not force_n:
+            forces = self._moved_forces(skin, skew, force_n, moments)
+            about = self._moments if self._moments else [self] * len(forces)
+            found = [linear.still_scans(skin, force) for linear, force in zip(about, forces, strict=True)]
+            self._moving = skin, force_n, found
+        return self._moving[2]
 
     @cached_property
     def skew_mixing(self) -> tuple[Array, list[Array]]:
@@ -301,7 +319,7 @@ class LinearSkin:
         moments, _ = self.skew_mixing
         still = self.skin.with_effects([e for e in self.skin.effects if not isinstance(e, ScanSkew)])
         forces = self._moved_forces(self.skin, skew[0], self.force_n, moments)
-        return [LinearSkin(still, self.history, force, progress) for force in forces]
+        return [LinearSkin(still, self.history, force, self.wanted, progress) for force in forces]
 
     def _moved_forces(self, skin: Skin, skew: ScanSkew, force_n: Array, moments: Array) -> list[Array]:
         at_rest = skin.force_n(self.history)
@@ -314,13 +332,23 @@ class LinearSkin:
         return result
 
     def still_scans(self, skin: Skin, force_n: Array) -> Array:
-        """(T,P) whitened scans, every scan taken in an instant."""
-        result = np.empty((len(self.history), self.protocol.orthonormal.shape[1]))
+        """(n,P) whitened scans, every scan taken in an instant; the latest are remembered."""
+        if self._still is None or self._still[0] is not skin or self._still[1] is not force_n:
+            self._still = skin, force_n, self._still_scans(skin, force_n)
+        return self._still[2]
+
+    def _still_scans(self, skin: Skin, force_n: Array) -> Array:
+        result = np.empty((len(self.wanted), self.protocol.orthonormal.shape[1]))
         factor = skin.piezo.zero_ohm_sq / self.skin.piezo.zero_ohm_sq * self._drift(skin)
         contacts = self._contact_ohm(skin, force_n) / factor[:, None]
         coarse = self._coarse_change(skin)
         moved = _pad_shifts(skin) - _pad_shifts(self.skin)
-        for number, patch in enumerate(self.patches):
+        self._settle_regime(skin, force_n)
+        if coarse is not None:
+            _ = self.sheet_derivatives  # found once, before the threads ask for them
+
+        def one(number: int) -> None:
+            patch = self.patches[number]
             relative = self._relative(skin, force_n, patch)
             extra = self._local_field(skin, patch)
             broad = np.zeros(len(patch.states)) if coarse is None else self.sheet_change(number, coarse)
@@ -334,6 +362,9 @@ class LinearSkin:
                 if moved.any():
                     scan += np.einsum("plc,lc->p", state.pads, moved)
                 result[rows] = factor[rows, None] * scan
+
+        with ThreadPoolExecutor(max_workers=2) as pool:
+            list(pool.map(one, range(len(self.patches))))
         return result
 
     def _coarse_change(self, skin: Skin) -> Array | None:
@@ -363,10 +394,7 @@ class LinearSkin:
 
     def _pressure(self, skin: Skin, force_n: Array, position_m: Array, frames: Indices) -> Array:
         """Pressures (n,N), remembered for the latest pressure field, mechanics and forces."""
-        placement = tuple(e for e in skin.effects if isinstance(e, PlacementEffect | FoamEffect))
-        regime = (skin.pressure, placement, force_n)
-        if not (self._regime[0] is regime[0] and self._regime[1] == placement and self._regime[2] is force_n):
-            self._regime, self._pressures = regime, {}
+        self._settle_regime(skin, force_n)
         key = (position_m.shape, float(position_m.sum()), len(frames), int(frames.sum()))
         found = self._pressures.get(key)
         if found is None:
@@ -376,15 +404,21 @@ class LinearSkin:
                 self._pressures[key] = found
         return found
 
+    def _settle_regime(self, skin: Skin, force_n: Array) -> None:
+        """Forget the pressures of another pressure field, mechanics or forces."""
+        placement = tuple(e for e in skin.effects if isinstance(e, PlacementEffect | FoamEffect))
+        regime = (skin.pressure, placement, force_n)
+        if not (self._regime[0] is regime[0] and self._regime[1] == placement and self._regime[2] is force_n):
+            self._regime, self._pressures = regime, {}
+
     def _contact_ohm(self, skin: Skin, force_n: Array) -> Array:
         pads = skin.pad_sample_m
         on_pads = self._pressure(skin, force_n, pads.reshape(-1, 2), np.arange(len(force_n)))
-        return skin.contact_resistances_ohm(
-            self.history.time_s, on_pads.reshape(len(force_n), len(pads), -1).mean(axis=2)
-        )
+        mean_pa = on_pads.reshape(len(force_n), len(pads), -1).mean(axis=2)
+        return skin.contact_resistances_ohm(self.history.time_s, mean_pa)[self.wanted]
 
     def _drift(self, skin: Skin) -> Array:
-        return skin.drift(self.history.time_s)
+        return skin.drift(self.history.time_s)[self.wanted]
 
 
 def _directions(rows: NDArray[np.float32], rank: int) -> NDArray[np.float32]:

@@ -36,21 +36,24 @@ CHANCES, RARELY = 400, 0.01
 """Simulated recordings of white noise, and how rarely one of them may be taken for more."""
 
 
-def rested(skin: Skin, evidence: Evidence) -> tuple[Skin, float, tuple[Effect, ...], float, Array]:
-    """The skin calibrated at rest, misfit over noise there, contacts that drift, noise (volt) and ``stray`` (P,k)."""
+def rested(skin: Skin, evidence: Evidence) -> tuple[Skin, float, tuple[Effect, ...], float, Array, Array]:
+    """The skin calibrated at rest, misfit over noise, contacts that drift, noise (volt), ``stray`` and ``traces``.
+
+    The last two are what the evidence leaves out: (P,k) and (T,P,m).
+    """
     good = evidence.rest & np.isfinite(evidence.scan_v).all(axis=1)
     scans = evidence.scan_v[good]
     first, columns, _ = _calibrated(skin, scans.mean(axis=0))
-    traces = _needed(
-        imprints(first, evidence.history, np.flatnonzero(good)), scans - scans.mean(axis=0), columns, evidence.noise_v
-    )
+    every = imprints(first, evidence.history)
+    traces = _needed(every[good], scans - scans.mean(axis=0), columns, evidence.noise_v)
     mean = _undisturbed_mean(scans, columns, traces)
     skin, columns, scan = _calibrated(first, mean)
     ratio = float(np.sqrt((((mean - scan) / evidence.noise_v) ** 2).mean() * len(scans)))
     clean = scans - _shares(scans - mean, columns, traces)[1]
     time_s, contacts = evidence.history.time_s[good], skin.contact_resistance_ohm
     drift = _contact_drift(scans - mean, time_s, evidence.noise_v, columns, traces, contacts)
-    return skin, ratio, drift, *_scatter(clean, columns, evidence.noise_v)
+    left_out = every[..., : traces.shape[2]]
+    return skin, ratio, drift, *_scatter(clean, columns, evidence.noise_v), left_out
 
 
 def _calibrated(skin: Skin, mean: Array) -> tuple[Skin, Array, Array]:
@@ -76,14 +79,16 @@ def _calibrated(skin: Skin, mean: Array) -> tuple[Skin, Array, Array]:
 # places that have not recovered ----------------------------------------------------------------------------------
 
 
-def imprints(skin: Skin, history: History, rests: NDArray[np.intp]) -> list[Array]:
-    """Per rest frame, (P,<=REMEMBERED) orthonormal: what the latest pressed places would change, not yet recovered.
+def imprints(skin: Skin, history: History) -> Array:
+    """(T,P,REMEMBERED) orthonormal, or noughts: what places pressed last before a frame change, not yet recovered.
 
-    A place that creeps changes the readings of the electrodes next to it much as their contacts would.
+    A place that creeps changes the readings of the electrodes next to it much as their contacts would. The place
+    pressed in the frame itself isn't among them: what it does is the skin's to explain.
     """
     places, at = _places(history)
+    found = np.zeros((len(at), skin.protocol.orthonormal.shape[1], REMEMBERED))
     if not len(places):
-        return [np.zeros((len(skin.protocol.orthonormal.T), 0))] * len(rests)
+        return found
     points = skin.sheet.quadrature_m.reshape(-1, 2)
     reach = skin.pressure.radius_m(TAIL)
     pressed = np.zeros((len(places), len(points)))
@@ -95,10 +100,12 @@ def imprints(skin: Skin, history: History, rests: NDArray[np.intp]) -> list[Arra
     whitening, plain = whitening_of_transfer(skin.protocol), np.array([[1.0, 0.0, 1.0]])
     solution = skin.sheet.solve(skin.sheet.uniform(skin.piezo.zero_ohm_sq), skin.contact_resistance_ohm)
     columns = sheet_sensitivity(solution, elements, csr_array(pressed), whitening, plain, scale)[0]
-    found = []
-    for t in rests:
-        latest = list(dict.fromkeys(at[:t][at[:t] >= 0][::-1]))[:REMEMBERED]
-        found.append(np.linalg.qr(columns[:, latest])[0])
+    latest: list[int] = []
+    for t, place in enumerate(at):
+        before = [p for p in latest if p != place][:REMEMBERED]
+        found[t, :, : len(before)] = np.linalg.qr(columns[:, before])[0]
+        if place >= 0:
+            latest = [int(place), *(p for p in latest if p != place)][: REMEMBERED + 1]
     return found
 
 
@@ -111,15 +118,15 @@ def _places(history: History) -> tuple[Array, NDArray[np.intp]]:
     return places, at
 
 
-def _needed(traces: list[Array], change: Array, columns: Array, noise_v: float) -> list[Array]:
-    """The traces, or empty ones where they explain no more of the changes (R,P) than chance would."""
-    none = [trace[:, :0] for trace in traces]
+def _needed(traces: Array, change: Array, columns: Array, noise_v: float) -> Array:
+    """The traces (R,P,m), or (R,P,0) where they explain no more of the changes (R,P) than chance would."""
+    none = traces[..., :0]
     left = [float(((change - sum(_shares(change, columns, t))) ** 2).sum()) / noise_v**2 for t in (none, traces)]
-    freedom = sum(trace.shape[1] for trace in traces)
+    freedom = int(traces.any(axis=1).sum())
     return traces if left[0] - left[1] > freedom + SURELY * np.sqrt(2 * max(freedom, 1)) else none
 
 
-def _undisturbed_mean(scans: Array, columns: Array, traces: Sequence[Array]) -> Array:
+def _undisturbed_mean(scans: Array, columns: Array, traces: Array) -> Array:
     """(P,) mean of the rest frames (R,P), each counted in the directions its ``traces`` leave alone.
 
     What contacts and the whole sheet do from frame to frame is levelled first: no two directions then mean other times.
@@ -131,7 +138,7 @@ def _undisturbed_mean(scans: Array, columns: Array, traces: Sequence[Array]) -> 
     return np.asarray(np.linalg.lstsq(np.sum(free, axis=0), total, rcond=1e-6)[0])
 
 
-def _shares(change: Array, columns: Array, traces: Sequence[Array]) -> tuple[Array, Array]:
+def _shares(change: Array, columns: Array, traces: Array) -> tuple[Array, Array]:
     """(R,P), (R,P) parts of the changes (R,P) that contacts and sheet explain, and places not yet recovered."""
     own, place = np.zeros_like(change), np.zeros_like(change)
     for row, trace in enumerate(traces):
@@ -177,7 +184,7 @@ def _largest_by_chance(count: int, width: int) -> float:
 
 
 def _contact_drift(
-    change_v: Array, time_s: Array, noise_v: float, columns: Array, traces: Sequence[Array], contacts: Array
+    change_v: Array, time_s: Array, noise_v: float, columns: Array, traces: Array, contacts: Array
 ) -> tuple[Effect, ...]:
     """What each contact did over the recording, from its rest frames, where they wander beyond the noise."""
     if len(change_v) < ENOUGH_RESTS:
@@ -193,7 +200,7 @@ def _contact_drift(
     designs = [columns - p @ columns for p in free]
     return tuple(
         ContactDrift(k, tuple(time_s.tolist()), tuple((contacts[k] * _smoothed(moved[:, k], error[:, k])).tolist()))
-        for k in wandering(rest, designs, [t.shape[1] for t in traces], restless)
+        for k in wandering(rest, designs, traces.any(axis=1).sum(axis=1).tolist(), restless)
     )
 
 

@@ -11,8 +11,10 @@ from numpy.typing import NDArray
 from ertskin.diagnosis.candidates import Candidate, screen
 from ertskin.diagnosis.claims import Rival
 from ertskin.diagnosis.skin_family import Calibration
+from ertskin.diagnosis.smooth_fields import with_smooth_fields
 from ertskin.diagnosis.voltage_fit import Solved, Term, VoltageProblem, held_out
 from physics.effects.effect import Stage
+from physics.effects.piezo_creep import PiezoCreep
 from physics.effects.piezo_hysteresis import PiezoHysteresis
 
 Array = NDArray[np.float64]
@@ -71,10 +73,14 @@ def select(
     problem = build(None)
     report(0.15, "fitting the calibration")
     before = problem.solve(fixed, start)
-    current = problem.solve([*fixed, *(term for term, _ in begun)], before.calibration) if begun else before
+    current = before
+    if begun:
+        current = problem.solve([*fixed, *(term for term, _ in begun)], before.calibration)
+        current = _refined(problem, current, partitions)
     rounds: list[tuple[tuple[str, float], ...]] = []
     stand: dict[str, Rivals] = {_key(term): rivals for term, rivals in begun}
     for turn in range(MOST_TERMS):
+        current = problem.at_hand(current)
         score = float(held_out(current, partitions).sum())
         frames = _residual_count(problem)
         floor = MATERIAL_COST(frames, score)
@@ -90,9 +96,8 @@ def select(
             Rival(t.effect, gain - g) for t, g, _ in trials[1:] if t.name != term.name
         )
         problem = build(solved)
-        current = problem.solve(solved.terms, solved.calibration)
+        current = _refined(problem, problem.solve(solved.terms, solved.calibration), partitions)
         report(0.25 + 0.1 * turn, f"{term.name} enters")
-    current = _refined(problem, current, partitions)
     chosen, current = _backward(problem, current, len(fixed), partitions, stand)
     return Selection(before, current, chosen, problem, tuple(rounds))
 
@@ -168,18 +173,29 @@ def _try(
 
 
 def _refined(problem: VoltageProblem, current: Solved, partitions: Sequence[Sequence[int]]) -> Solved:
-    """Free what selection held: the shape of a hysteresis loop."""
-    terms = []
-    for term in current.terms:
-        if isinstance(term.effect, PiezoHysteresis) and term.free == ("width",):
-            terms.append(Term(term.effect.changed({"spread": 0.1}), ("width", "spread")))
-        else:
-            terms.append(term)
-    if all(a is b for a, b in zip(terms, current.terms, strict=True)):
-        return current
-    freed = problem.solve(terms, current.calibration)
-    better = float(held_out(current, partitions).sum()) - float(held_out(freed, partitions).sum())
-    return freed if better > SIGNIFICANT else current
+    """Free what selection held, where that predicts better: a loop's shape, time constants of creep, smooth fields."""
+    for number, term in enumerate(current.terms):
+        freer = _freer(term)
+        if freer is None:
+            continue
+        terms = [*current.terms[:number], freer, *current.terms[number + 1 :]]
+        freed = problem.solve(terms, current.calibration)
+        if float(held_out(current, partitions).sum()) - float(held_out(freed, partitions).sum()) > SIGNIFICANT:
+            current = freed
+    return with_smooth_fields(problem, current, partitions)
+
+
+def _freer(term: Term) -> Term | None:
+    """The term with more of its form free; None where there is no more to free."""
+    effect = term.effect
+    if isinstance(effect, PiezoHysteresis) and term.free == ("width",):
+        return Term(effect.changed({"spread": 0.1}), ("width", "spread"))
+    if isinstance(effect, PiezoCreep) and "exponent" not in term.free:
+        spread = effect
+        if effect.decades == 0:
+            spread = replace(effect, time_s=max(0.1 * effect.time_s, 0.1), decades=3.0, remembers_air=True)
+        return Term(replace(spread, exponent=0.8), ("fraction", "time_s", "decades", "exponent"))
+    return None
 
 
 def _backward(

@@ -27,6 +27,10 @@ STARTS: tuple[Term, ...] = (
     (PiezoHysteresis(width=0.05), ("width",)),
     (PiezoCreep(fraction=0.05, time_s=2.0), ("fraction", "time_s")),
     (PiezoCreep(fraction=0.05, time_s=30.0), ("fraction", "time_s")),
+    (
+        PiezoCreep(fraction=0.05, time_s=0.3, decades=4.0, exponent=0.8, remembers_air=True),
+        ("fraction", "time_s", "decades", "exponent"),
+    ),
 )
 
 

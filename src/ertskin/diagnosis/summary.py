@@ -30,3 +30,13 @@ def print_summary(console: Console, diagnosis: Diagnosis) -> None:
         )
         table.add_row(claim.effect.name, f"{claim.confidence:.2f}", f"{claim.ratio_alone:.3g}", words)
     console.print(table)
+
+
+def print_retrained(console: Console, retrained: dict[str, dict[str, dict[str, float]]]) -> None:
+    """Every metric of every network, trained without and with the effects."""
+    table = Table("network", "metric", *(f"trained {name} the effects" for name in retrained))
+    first = next(iter(retrained.values()))
+    for model, metrics in first.items():
+        for metric in metrics:
+            table.add_row(model, metric, *(f"{found[model][metric]:.4g}" for found in retrained.values()))
+    console.print(table)

@@ -113,6 +113,7 @@ class VoltageProblem:
 
     _always_leftover: bool = False
     reuse: bool = False
+    _latest: Solved | None = None
 
     # fitting -------------------------------------------------------------------------------------------------------
 
@@ -136,7 +137,12 @@ class VoltageProblem:
         calibration, effects = layout.split(fit.value)
         solved = tuple(Term(e, t.free) for e, t in zip(effects, terms, strict=True))
         skin = self.family.skin(calibration, effects)
-        return Solved(calibration, solved, fit, self.scan_residual(skin))
+        self._latest = Solved(calibration, solved, fit, self.scan_residual(skin))
+        return self._latest
+
+    def at_hand(self, solved: Solved) -> Solved:
+        """The fit, or one step on from it, with its derivatives in ``last_columns``, where the latest fit's lie."""
+        return solved if solved is self._latest else self.solve(solved.terms, solved.calibration, steps=1)
 
     def _skin(self, layout: _Layout, x: Array) -> Skin:
         calibration, effects = layout.split(x)

@@ -72,7 +72,7 @@ def test_without_a_recording_the_rig_records_what_is_missing(tmp_path, monkeypat
             path.touch()
 
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(run, "_step", recorded)
+    monkeypatch.setattr(run, "run_step", recorded)
     monkeypatch.setattr(run, "_handed_on", lambda: ["rig.seed=7", "model.width=3"])
     with initialize_config_dir(str(config_dir()), version_base="1.3"):
         config = compose("run", ["jobs=1", "rig.seed=7"])

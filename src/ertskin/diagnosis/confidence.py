@@ -1,0 +1,91 @@
+"""What makes a name less sure than its rivals alone would: misfit that stays, and effects that mend another's form."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from ertskin.diagnosis.claims import MATERIAL_RATIO, Claim
+from physics.effects.effect import Stage
+
+AXES_OF = {
+    "nonlinear_foam": ("force",),
+    "viscoelastic_foam": ("history", "time"),
+    "foam_hysteresis": ("history",),
+    "foam_softening": ("history", "place"),
+    "indenter_offset": ("place",),
+    "piezo_hysteresis": ("history", "force"),
+    "piezo_creep": ("history", "time"),
+    "piezo_inhomogeneity": ("place", "force"),
+    "sheet_anisotropy": ("place",),
+    "sheet_inhomogeneity": ("place",),
+    "temperature_drift": ("time",),
+    "contact_pressure_dependence": ("electrode", "force"),
+    "contact_drift": ("electrode", "time"),
+    "electrode_displacement": ("electrode",),
+    "channel_gain": ("electrode",),
+    "crosstalk": ("scan_order",),
+    "adc_saturation": ("electrode",),
+    "scan_skew": ("scan_order", "history"),
+}
+"""Along what the misfit of an effect changes."""
+KIN = {"history": "when", "time": "when", "place": "where", "electrode": "where", "scan_order": "how"}
+"""Axes along which one effect's wrong form can look like another effect; force alone tells no kin."""
+FORM = 0.25
+"""Part of an effect's excess chi-square that a form which isn't exactly the skin's may leave to others."""
+LEAST = 0.5
+
+
+def left_over(claims: Sequence[Claim], before: float, after: float) -> list[Claim]:
+    """Claims lose confidence with the part of the excess misfit that they leave: a wrong form explains in part."""
+    excess, left = max(before**2 - 1, 0.0), max(after**2 - MATERIAL_RATIO**2, 0.0)
+    if excess <= 0 or left <= 0:
+        return list(claims)
+    share = max(0.0, 1 - left / excess)
+    return [replace(c, confidence=c.confidence * (share if c.effect.stage != Stage.MECHANICS else 1.0)) for c in claims]
+
+
+def mending(claims: Sequence[Claim]) -> list[Claim]:
+    """A claim that is small beside one of its kin may only mend that one's form, which becomes its alternative.
+
+    Not so the instrument's effects: what no network explains has named them.
+    """
+    found = []
+    for claim in claims:
+        kin = [c for c in claims if c.effect.name != claim.effect.name and _kind(c) & _kind(claim)]
+        strongest = max(kin, key=_excess, default=None)
+        share = 1.0 if strongest is None else _excess(claim) / max(FORM * _excess(strongest), 1e-12)
+        if strongest is None or share >= 1 or claim.effect.stage == Stage.ACQUISITION:
+            found.append(claim)
+            continue
+        kept = claim.confidence * max(share, LEAST)
+        others = (*claim.alternatives, (strongest.effect.name, claim.confidence - kept))
+        found.append(replace(claim, confidence=kept, alternatives=others))
+    return found
+
+
+def overshadowed(
+    claims: Sequence[Claim], shape: tuple[int, ...], ratios: tuple[float, float], left: float
+) -> list[Claim]:
+    """Names of what a network does lose confidence beside much that no network and no named instrument explains.
+
+    Half a diode, say, also shifts the reciprocal numbers a little, and a little bend of the sheet would explain that.
+    ``shape`` is the readings' and the pairs' number, ``ratios`` the misfit of the pairs before and after, ``left`` that
+    of the readings beyond what a network explains.
+    """
+    readings, pairs = shape
+    beyond = (readings - pairs) * max(left**2 - MATERIAL_RATIO**2, 0.0)
+    explained = pairs * max(ratios[0] ** 2 - ratios[1] ** 2, 0.0)
+    if beyond <= 0:
+        return list(claims)
+    share = explained / (explained + beyond)
+    unshaken = (Stage.MECHANICS, Stage.ACQUISITION)
+    return [c if c.effect.stage in unshaken else replace(c, confidence=c.confidence * share) for c in claims]
+
+
+def _kind(claim: Claim) -> set[str]:
+    return {KIN[axis] for axis in AXES_OF.get(claim.effect.name, ()) if axis in KIN}
+
+
+def _excess(claim: Claim) -> float:
+    return max(claim.ratio_alone**2 - 1, 0.0)

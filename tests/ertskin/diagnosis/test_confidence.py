@@ -1,0 +1,47 @@
+"""A name is less sure where misfit stays, where another effect's form may be mended, where the instrument errs."""
+
+from __future__ import annotations
+
+import pytest
+
+from ertskin.diagnosis.claims import Claim
+from ertskin.diagnosis.confidence import left_over, mending, overshadowed
+from physics.effects.effect import Effect
+from physics.effects.nonlinear_foam import NonlinearFoam
+from physics.effects.piezo_creep import PiezoCreep
+from physics.effects.piezo_hysteresis import PiezoHysteresis
+from physics.effects.scan_skew import ScanSkew
+from physics.effects.sheet_anisotropy import SheetAnisotropy
+
+
+def claim(effect: Effect, alone: float) -> Claim:
+    return Claim(effect, 0.95, alone, {})
+
+
+def test_what_stays_unexplained_is_shared_by_all_but_the_load_cells_names() -> None:
+    claims = [claim(SheetAnisotropy(stretch_x=0.1), 2.0), claim(NonlinearFoam(stiffening=0.5), 2.0)]
+    assert left_over(claims, 3.0, 1.0) == claims
+    halved, kept = left_over(claims, 3.0, 2.236)
+    assert halved.confidence == pytest.approx(0.95 * 0.51, abs=0.01)
+    assert kept.confidence == 0.95
+
+
+def test_a_small_claim_beside_strong_kin_may_only_mend_its_form() -> None:
+    strong, small = claim(PiezoCreep(fraction=0.2), 3.0), claim(PiezoHysteresis(width=0.02), 1.2)
+    kept, doubted = mending([strong, small])
+    assert kept == strong
+    assert doubted.confidence == pytest.approx(0.475)
+    assert doubted.alternatives == (("piezo_creep", pytest.approx(0.475)),)
+    equal = claim(PiezoHysteresis(width=0.1), 2.5)
+    assert mending([strong, equal]) == [strong, equal]
+    stranger = claim(ScanSkew(speed_m_per_s=1e-3), 1.1)
+    assert mending([strong, stranger]) == [strong, stranger]
+
+
+def test_a_small_gain_in_the_network_means_little_beside_much_that_is_none() -> None:
+    sheet = [claim(SheetAnisotropy(stretch_x=0.1), 1.2)]
+    assert overshadowed(sheet, (6624, 276), (1.2, 1.0), 1.0) == sheet
+    assert overshadowed(sheet, (6624, 276), (1.2, 1.0), 1.5)[0].confidence < 0.05
+    assert overshadowed(sheet, (6624, 276), (10.0, 1.0), 1.06)[0].confidence > 0.9
+    instrument = [claim(ScanSkew(speed_m_per_s=1e-3), 1.2)]
+    assert overshadowed(instrument, (6624, 276), (1.2, 1.0), 1.5) == instrument

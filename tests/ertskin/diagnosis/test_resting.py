@@ -1,0 +1,78 @@
+"""What moves between rest frames: contacts, the whole sheet, or places that have not recovered from a press."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ertskin.diagnosis.resting import _largest_by_chance, _needed, _scatter, _shares, _undisturbed_mean, wandering
+
+CONTACTS, NUMBERS, FRAMES = 8, 60, 30
+
+
+def columns_and_traces(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    """(P,L+1) derivatives, (R,P,3) orthonormal imprints that share much with the contacts' columns."""
+    columns = rng.standard_normal((NUMBERS, CONTACTS + 1))
+    near = columns[:, rng.integers(0, CONTACTS, (FRAMES, 3))].transpose(1, 0, 2)
+    traces = np.linalg.qr(near + 0.7 * rng.standard_normal((FRAMES, NUMBERS, 3)))[0]
+    traces[0] = 0.0
+    return columns, traces
+
+
+def who(change: np.ndarray, columns: np.ndarray, traces: np.ndarray) -> list[int]:
+    """The contacts found to wander in the changes, in units of the noise."""
+    free = [trace @ trace.T for trace in traces]
+    rest = np.stack([c - p @ c for c, p in zip(change, free, strict=True)])
+    taken = traces.any(axis=1).sum(axis=1).tolist()
+    return wandering(rest, [columns - p @ columns for p in free], taken, list(range(CONTACTS)))
+
+
+def test_contacts_that_wander_are_told_from_places_that_creep() -> None:
+    rng = np.random.default_rng(0)
+    columns, traces = columns_and_traces(rng)
+    noise = rng.standard_normal((FRAMES, NUMBERS))
+    walk = np.cumsum(rng.standard_normal((FRAMES, CONTACTS)), axis=0)
+    assert who(noise + walk @ columns[:, :CONTACTS].T, columns, traces) == list(range(CONTACTS))
+    creeping = noise + np.einsum("rpm,rm->rp", traces, 20 * rng.standard_normal((FRAMES, 3)))
+    assert who(creeping, columns, traces) == []
+
+
+def test_one_loose_contact_is_found_beside_something_else() -> None:
+    rng = np.random.default_rng(1)
+    columns, traces = columns_and_traces(rng)
+    change = rng.standard_normal((FRAMES, NUMBERS)) + 3 * rng.standard_normal((FRAMES, 1)) * rng.standard_normal(
+        NUMBERS
+    )
+    change += np.outer(np.where(np.arange(FRAMES) % 5, 0.0, 8.0), columns[:, 3])
+    assert who(change, columns, traces) == [3]
+
+
+def test_imprints_are_kept_only_where_they_are_needed() -> None:
+    rng = np.random.default_rng(2)
+    columns, traces = columns_and_traces(rng)
+    noise = rng.standard_normal((FRAMES, NUMBERS))
+    assert _needed(traces, noise, columns, 1.0).shape[2] == 0
+    creeping = noise + np.einsum("rpm,rm->rp", traces, 5 * rng.standard_normal((FRAMES, 3)))
+    assert _needed(traces, creeping, columns, 1.0).shape[2] == 3
+
+
+def test_the_undisturbed_mean_knows_neither_creep_nor_drift() -> None:
+    rng = np.random.default_rng(3)
+    columns, traces = columns_and_traces(rng)
+    truth = 100 * rng.standard_normal(NUMBERS)
+    drift = np.linspace(-1, 1, FRAMES)[:, None] * columns[:, -1]
+    scans = truth + drift + np.einsum("rpm,rm->rp", traces, 5 * rng.random((FRAMES, 3)))
+    plain, found = scans.mean(axis=0), _undisturbed_mean(scans, columns, traces)
+    outside = np.eye(NUMBERS) - columns @ np.linalg.pinv(columns)
+    assert np.linalg.norm(outside @ (found - truth)) < 0.1 * np.linalg.norm(outside @ (plain - truth))
+    own, place = _shares(scans - truth, columns, traces)
+    np.testing.assert_allclose(own + place, scans - truth, atol=1e-9)
+
+
+def test_white_noise_strays_in_no_direction() -> None:
+    rng = np.random.default_rng(4)
+    columns, _ = columns_and_traces(rng)
+    found = [_scatter(rng.standard_normal((FRAMES, NUMBERS)), columns, 1.0)[1].shape[1] for _ in range(40)]
+    assert np.mean(np.array(found) > 0) <= 0.1
+    jitter = rng.standard_normal((FRAMES, NUMBERS)) + np.outer(4 * rng.standard_normal(FRAMES), columns[:, 2])
+    assert _scatter(jitter, columns, 1.0)[1].shape[1] == 1
+    assert _largest_by_chance(200, 9) < _largest_by_chance(20, 9)
