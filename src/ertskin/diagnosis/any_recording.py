@@ -5,14 +5,17 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from ertskin.diagnosis.claims import Diagnosis, HeldOut
-from ertskin.diagnosis.diagnose import Findings, diagnose
+from ertskin.diagnosis.diagnose import Findings, Selector, diagnose
+from ertskin.diagnosis.selection import select
 from hardware.recording import Recording
 
 Report = Callable[[float | None, str], None]
 
 
-def diagnose_any(recording: Recording, name: str, report: Report, resolution: str = "fine") -> Findings:
-    """Diagnose whatever the recording holds."""
+def diagnose_any(
+    recording: Recording, name: str, report: Report, resolution: str = "fine", selector: Selector = select
+) -> Findings:
+    """Diagnose whatever the recording holds; ``selector`` chooses a skin's effects."""
     if recording.frames is None and recording.coupon is not None:
         from ertskin.diagnosis.coupon import diagnose_coupon
 
@@ -24,4 +27,4 @@ def diagnose_any(recording: Recording, name: str, report: Report, resolution: st
     if recording.frames is None:
         held = HeldOut("none", None, None, None, None)
         return Findings(Diagnosis(name, "cannot_tell", held, reason="the recording holds neither frames nor a coupon"))
-    return diagnose(recording, name, report, resolution)
+    return diagnose(recording, name, report, resolution, selector)

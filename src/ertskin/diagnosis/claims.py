@@ -156,3 +156,17 @@ def verdict_of(ratio_before: float, ratio_after: float, named: bool, other_misma
     if not named:
         return "unexplained" if material else "no_mismatch"
     return "explained" if ratio_after <= MATERIAL_RATIO else "partly_explained"
+
+
+def gathered(claims: tuple[Claim, ...]) -> list[tuple[Claim, str]]:
+    """The claims with their names for a reader: those of one name without parameters, at many electrodes, are one."""
+    found: dict[str, list[Claim]] = {}
+    for number, claim in enumerate(claims):
+        found.setdefault(f"{number}" if claim.parameters else claim.effect.name, []).append(claim)
+    return [(same[0], _shown_name(same[0].effect.name, same)) for same in found.values()]
+
+
+def _shown_name(name: str, claims: list[Claim]) -> str:
+    where = [getattr(c.effect, "electrode", getattr(c.effect, "channel", -1)) for c in claims]
+    shown = ", ".join(str(k) for k in where if k >= 0)
+    return f"{name} (electrode{'s' * (len(where) > 1)} {shown})" if shown else name

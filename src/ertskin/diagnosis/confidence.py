@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 from ertskin.diagnosis.claims import MATERIAL_RATIO, Claim
@@ -45,17 +45,18 @@ def left_over(claims: Sequence[Claim], before: float, after: float) -> list[Clai
     return [replace(c, confidence=c.confidence * (share if c.effect.stage != Stage.MECHANICS else 1.0)) for c in claims]
 
 
-def mending(claims: Sequence[Claim]) -> list[Claim]:
+def mending(claims: Sequence[Claim], shown: Collection[str] = ()) -> list[Claim]:
     """A claim that is small beside one of its kin may only mend that one's form, which becomes its alternative.
 
-    Not so the instrument's effects: what no network explains has named them.
+    Not so the instrument's effects, which what no network explains has named, nor those ``shown`` by another signal.
     """
     found = []
     for claim in claims:
         kin = [c for c in claims if c.effect.name != claim.effect.name and _kind(c) & _kind(claim)]
         strongest = max(kin, key=_excess, default=None)
         share = 1.0 if strongest is None else _excess(claim) / max(FORM * _excess(strongest), 1e-12)
-        if strongest is None or share >= 1 or claim.effect.stage == Stage.ACQUISITION:
+        sure = claim.effect.stage == Stage.ACQUISITION or claim.effect.name in shown
+        if strongest is None or share >= 1 or sure:
             found.append(claim)
             continue
         kept = claim.confidence * max(share, LEAST)

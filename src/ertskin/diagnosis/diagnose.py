@@ -34,6 +34,7 @@ from ertskin.diagnosis.skin_family import SHAPE, Calibration, SkinFamily
 from ertskin.diagnosis.voltage_fit import Solved, Term, VoltageProblem
 from hardware.recording import Recording
 from physics.effects.adc_saturation import AdcSaturation
+from physics.effects.contact_drift import ContactDrift
 from physics.effects.effect import Effect, ElectrodeEffect, Stage
 from physics.effects.nonlinear_foam import NonlinearFoam
 from physics.effects.piezo_inhomogeneity import PiezoInhomogeneity
@@ -43,6 +44,8 @@ from physics.skin import Skin
 
 Array = NDArray[np.float64]
 Report = Callable[[float | None, str], None]
+Selector = Callable[..., Selection]
+"""With the arguments of ``select``."""
 
 FOLDS = 6
 SPLIT_SEED = 0
@@ -75,16 +78,21 @@ class Findings:
     tests_after: tuple[AxisTest, ...] = ()
 
 
-def diagnose(recording: Recording, name: str, report: Report, resolution: str = "fine") -> Findings:
-    """Diagnose a skin's recording; what it can't say ends in a ``cannot_tell`` with the reason."""
+def diagnose(
+    recording: Recording, name: str, report: Report, resolution: str = "fine", selector: Selector = select
+) -> Findings:
+    """Diagnose a skin's recording; what it can't say ends in a ``cannot_tell`` with the reason.
+
+    ``selector`` chooses the effects.
+    """
     try:
-        return _diagnose(recording, name, report, resolution)
+        return _diagnose(recording, name, report, resolution, selector)
     except CannotTell as reason:
         held = HeldOut("none", None, None, None, None)
         return Findings(Diagnosis(name, "cannot_tell", held, reason=str(reason)))
 
 
-def _diagnose(recording: Recording, name: str, report: Report, resolution: str) -> Findings:
+def _diagnose(recording: Recording, name: str, report: Report, resolution: str, selector: Selector) -> Findings:
     report(0.01, "reading the evidence")
     evidence = gather(recording)
     report(0.04, "calibrating at rest, fitting force and depth")
@@ -114,7 +122,7 @@ def _diagnose(recording: Recording, name: str, report: Report, resolution: str) 
     fixed = [Term(e, ("carried",) if isinstance(e, NonlinearFoam) else ()) for e in baseline.skin.effects]
     begun = [(Term(f.effect, f.free), f.rivals) for f in baseline.specimen_findings]
     partitions = [[int(k)] for k in np.unique(cells)]
-    selection = select(build, fixed, begun, start, partitions, report)
+    selection = selector(build, fixed, begun, start, partitions, report)
     report(0.85, "predicting presses no fit has seen")
     before, after = _predictions(evidence, baseline, selection, family, held, resolution)
     findings = _answer(name, evidence, baseline, selection, held, before, after)
@@ -226,9 +234,10 @@ def _answer(
     ratios = ratio_before, ratio_after
     left = _leftover_after(evidence, selection)
     claims = left_over([*claims, *force_claims, *drift_claims(baseline, selection)], *ratios)
-    claims = overshadowed(mending(claims), evidence.protocol.orthonormal.shape, ratios, left)
+    claims = mending(claims, shown={finding.effect.name for finding in baseline.specimen_findings})
+    claims = overshadowed(claims, evidence.protocol.orthonormal.shape, ratios, left)
     claims += _instrument_claims(evidence)
-    claims.sort(key=lambda c: -c.ratio_alone)
+    claims.sort(key=lambda c: (c.effect.name == ContactDrift.name, -c.ratio_alone))
     force_off = force_after is not None and force_after > FORCE_MATERIAL * baseline.force_noise_n * 1.05
     tests_before, tests_after = (
         axis_tests(before, history, evidence.protocol),

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ertskin.diagnosis.claims import Claim, Diagnosis
+from ertskin.diagnosis.claims import Claim, Diagnosis, gathered
 from ertskin.diagnosis.diagnose import Findings
 from ertskin.diagnosis.drawn import Drawing, DrawnFindings
 from ertskin.diagnosis.residuals import AxisTest
@@ -88,20 +88,20 @@ def _claims(claims: tuple[Claim, ...]) -> str:
     if not claims:
         return ""
     rows = []
-    for claim in claims:
+    for claim, name in gathered(claims):
         values = "<br>".join(
             f"{key} = {e.value:.4g} {e.unit} ({e.low:.4g} to {e.high:.4g})" for key, e in claim.parameters.items()
         )
         rivals = ", ".join(f"{n} ({c:.2f})" for n, c in claim.alternatives) or "none"
         rows.append(
-            f"<tr><td><b>{claim.effect.name}</b><br>{claim.effect.stage}</td><td>{claim.confidence:.2f}</td>"
+            f"<tr><td><b>{name}</b><br>{claim.effect.stage}</td><td>{claim.confidence:.2f}</td>"
             f"<td>{claim.ratio_alone:.3g}</td><td>{values}</td><td>{rivals}</td></tr>"
         )
     head = "<tr><th>effect</th><th>confidence</th><th>misfit without it</th><th>parameters, 90 %</th><th>else</th></tr>"
     sources = "".join(
         f"<li>{c.effect.name}: {html.escape((type(c.effect).__doc__ or '').splitlines()[0])} "
         f"<i>{html.escape(c.effect.source)}</i></li>"
-        for c in claims
+        for c, _ in gathered(claims)
     )
     return f"<h2>What is missing</h2><table>{head}{''.join(rows)}</table><ul>{sources}</ul>"
 

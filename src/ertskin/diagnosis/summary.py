@@ -5,7 +5,7 @@ from __future__ import annotations
 from rich.console import Console
 from rich.table import Table
 
-from ertskin.diagnosis.claims import Diagnosis
+from ertskin.diagnosis.claims import Diagnosis, gathered
 
 
 def print_summary(console: Console, diagnosis: Diagnosis) -> None:
@@ -24,11 +24,11 @@ def print_summary(console: Console, diagnosis: Diagnosis) -> None:
     if not diagnosis.claims:
         return
     table = Table("effect", "confidence", "ratio without it", "parameters (90 %)")
-    for claim in diagnosis.claims:
+    for claim, name in gathered(diagnosis.claims):
         words = ", ".join(
             f"{k} {e.value:.4g} [{e.low:.4g}, {e.high:.4g}] {e.unit}" for k, e in claim.parameters.items()
         )
-        table.add_row(claim.effect.name, f"{claim.confidence:.2f}", f"{claim.ratio_alone:.3g}", words)
+        table.add_row(name, f"{claim.confidence:.2f}", f"{claim.ratio_alone:.3g}", words)
     console.print(table)
 
 

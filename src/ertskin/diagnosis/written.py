@@ -16,7 +16,7 @@ from physics.effects.registry import effects_config
 
 def write_diagnosis(folder: Path, diagnosis: Diagnosis) -> Path:
     """``folder/diagnosis.json``, written aside and renamed."""
-    return _replace(folder / "diagnosis.json", json.dumps(_finite(diagnosis.plain()), indent=1) + "\n")
+    return _replace(folder / "diagnosis.json", json.dumps(finite(diagnosis.plain()), indent=1) + "\n")
 
 
 def write_effects(folder: Path, name: str, effects: tuple[Effect, ...], recording: str) -> Path:
@@ -39,12 +39,12 @@ def _replace(path: Path, text: str) -> Path:
     return path
 
 
-def _finite(value: object) -> object:
+def finite(value: object) -> object:
     """JSON has no NaN and no infinity."""
     if isinstance(value, dict):
-        return {key: _finite(v) for key, v in value.items()}
+        return {key: finite(v) for key, v in value.items()}
     if isinstance(value, list | tuple):
-        return [_finite(v) for v in value]
+        return [finite(v) for v in value]
     if isinstance(value, float) and not abs(value) < float("inf"):
         return None
     return value.item() if hasattr(value, "item") else value
