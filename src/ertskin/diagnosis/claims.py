@@ -82,7 +82,10 @@ class HeldOut:
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """The answer, as written to ``diagnosis.json``."""
+    """The answer, as written to ``diagnosis.json``.
+
+    ``remainder_ratio``: held-out misfit where a model without a name predicts what the names leave.
+    """
 
     recording: str
     verdict: str
@@ -95,6 +98,7 @@ class Diagnosis:
     claims: tuple[Claim, ...] = ()
     unexplained_ratio: float | None = None
     unexplained_depends_on: tuple[str, ...] = ()
+    remainder_ratio: float | None = None
     next_press: dict[str, Any] | None = None
     reason: str | None = None
     extra: dict[str, Any] = field(default_factory=dict)
@@ -126,7 +130,11 @@ class Diagnosis:
                 "depends_on": list(self.depends_on),
             },
             "effects": [claim.plain() for claim in self.claims],
-            "unexplained": {"ratio": self.unexplained_ratio, "depends_on": list(self.unexplained_depends_on)},
+            "unexplained": {
+                "ratio": self.unexplained_ratio,
+                "depends_on": list(self.unexplained_depends_on),
+                "ratio_with_nameless_model": self.remainder_ratio,
+            },
             "next_press": self.next_press,
         }
         if self.reason is not None:

@@ -28,6 +28,7 @@ from ertskin.diagnosis.drift_claims import drift_claims
 from ertskin.diagnosis.evidence import CannotTell, Evidence, gather
 from ertskin.diagnosis.force_fit import STARTS, ForceData, ForceFit, fit_force, free_parameters
 from ertskin.diagnosis.linear_skin import LinearSkin
+from ertskin.diagnosis.remainder import remainder
 from ertskin.diagnosis.residuals import AxisTest, axis_tests, depends_on
 from ertskin.diagnosis.selection import Chosen, Selection, select
 from ertskin.diagnosis.skin_family import SHAPE, Calibration, SkinFamily
@@ -126,6 +127,11 @@ def _diagnose(recording: Recording, name: str, report: Report, resolution: str, 
     report(0.85, "predicting presses no fit has seen")
     before, after = _predictions(evidence, baseline, selection, family, held, resolution)
     findings = _answer(name, evidence, baseline, selection, held, before, after)
+    if (findings.diagnosis.unexplained_ratio or 0.0) > MATERIAL_RATIO:
+        report(0.9, "predicting what no name explains")
+        nameless = remainder(train.history, selection.after.scan_residual, evidence.history[held])
+        ratio = _ratio(after - nameless)
+        findings = replace(findings, diagnosis=replace(findings.diagnosis, remainder_ratio=ratio))
     report(0.92, "looking for the press that would settle what is in doubt")
     fitted_skin = family.skin(selection.after.calibration, selection.after.effects)
     press = settling_press(evidence, fitted_skin, baseline.force_noise_n, findings.diagnosis.claims)

@@ -79,6 +79,8 @@ def _misfit(diagnosis: Diagnosis) -> str:
     ]
     if held.noise_rms_v is not None:
         rows.append(("noise of a reading", f"{1e3 * held.noise_rms_v:.3g} mV"))
+    if diagnosis.remainder_ratio is not None:
+        rows.append(("misfit after, with a nameless model of what stays", f"{diagnosis.remainder_ratio:.3f}"))
     if held.force_before_n is not None and held.force_after_n is not None:
         rows.append(("force rmse before, after", f"{held.force_before_n:.3g} N, {held.force_after_n:.3g} N"))
     return "<table>" + "".join(f"<tr><td>{a}</td><td>{b}</td></tr>" for a, b in rows) + "</table>"
