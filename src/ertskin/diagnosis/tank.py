@@ -1,157 +1,195 @@
-"""A tank or sheet without mechanics: which readings no resistor network explains, and where the sheet changed.
+"""A tank or sheet without mechanics: which electrode reads wrong, and where the sheet changed.
 
-Frame 0 is the empty tank: one contact resistance per electrode and the sheet's resistance are fitted to it; the
-standing misfit is searched for the electrode whose readings are wrong. Later frames are imaged against it.
+The first frame is the empty tank. What no resistor network explains of it belongs to the instrument and is tested
+electrode by electrode; an electrode that stands out is blamed and its columns' gains and offsets are fitted. Later
+frames are imaged against the first.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import f as f_distribution
 
-from ertskin.diagnosis.claims import Claim, Diagnosis, Estimate, HeldOut
+from ertskin.diagnosis.claims import MATERIAL_RATIO, QUANTILE, Claim, Diagnosis, Estimate, HeldOut, verdict_of
 from ertskin.diagnosis.diagnose import Findings
+from ertskin.diagnosis.drawn import Drawing, DrawnFindings
+from ertskin.diagnosis.inclusions import Imaging
+from ertskin.diagnosis.standing_error import (
+    LEVEL,
+    ColumnError,
+    ElectrodeErrors,
+    column_errors,
+    corrected,
+    electrode_errors,
+    rms_v,
+    unexplained_v,
+)
+from ertskin.diagnosis.tank_drawing import electrode_figure, map_figure
 from hardware.recording import Recording
-from physics.conduction.sheet import SheetModel, Solution
+from physics.conduction.mesh import MeshError
 from physics.effects.channel_gain import ChannelGain
 from physics.protocol import Protocol
 
 Array = NDArray[np.float64]
 
-ROUNDS = 40
-RESOLUTION = "fast"
-
-
-@dataclass(frozen=True, eq=False)
-class Background:
-    """The empty tank: solution, whitened misfit (P,) and readings' misfit (K,M) in volt."""
-
-    model: SheetModel
-    solution: Solution
-    resistance_ohm_sq: float
-    contact_ohm: Array
-    misfit_v: Array
-    rms_v: float
-
-
-def fit_background(recording: Recording, frame: int = 0, weight: Array | None = None) -> Background:
-    """Contact resistances and the water's resistance of one frame, by Gauss-Newton in their logarithms.
-
-    ``weight`` (K,M) leaves readings out where it is 0.
-    """
-    assert recording.sensor is not None
-    assert recording.protocol is not None
-    assert recording.frames is not None
-    protocol = recording.protocol
-    reading = np.asarray(recording.frames.voltage_v[frame], dtype=float)
-    keep = np.isfinite(reading) if weight is None else np.isfinite(reading) & (weight > 0)
-    model = SheetModel(recording.sensor, RESOLUTION)
-    design = protocol.design.reshape(*protocol.shape, -1)
-    contact = np.full(protocol.electrodes, recording.sensor.contact_resistance_guess_ohm)
-    sheet = recording.sensor.sheet_resistance_ohm_sq
-    unit = model.solve(model.uniform(sheet), contact)
-    predicted = design @ unit.pair_resistance_ohm
-    scale = float((predicted[keep] @ reading[keep]) / (predicted[keep] @ predicted[keep]))
-    sheet, contact = sheet * scale, np.maximum(contact * min(scale, 1.0), 1e-6)
-    for _ in range(ROUNDS):
-        solution = model.solve(model.uniform(sheet), contact)
-        slope = solution.jacobian_contact_resistance()
-        pairs = solution.pair_resistance_ohm
-        columns = np.column_stack([slope * contact, pairs - slope @ contact])
-        full = (design @ columns)[keep]
-        wrong = (reading - design @ pairs)[keep]
-        step = np.linalg.lstsq(full, wrong, rcond=1e-9)[0]
-        contact = np.clip(contact * np.exp(np.clip(step[:-1], -1.0, 1.0)), 1e-6 * sheet, 1e3 * sheet)
-        sheet = sheet * float(np.exp(np.clip(step[-1], -0.3, 0.3)))
-        if np.abs(step).max() < 1e-6:
-            break
-    solution = model.solve(model.uniform(sheet), contact)
-    misfit = np.where(np.isfinite(reading), reading - design @ solution.pair_resistance_ohm, 0.0)
-    return Background(model, solution, sheet, contact, misfit, float(np.sqrt((misfit[keep] ** 2).mean())))
-
-
-def electrode_errors(background: Background, protocol: Protocol) -> Array:
-    """(L,) share of the misfit's energy that readings touching each electrode lose when that electrode is left out."""
-    energy = background.misfit_v**2
-    touching = (
-        np.abs(protocol.measurement).max(axis=1) > 0 if protocol.measurement.ndim == 2 else protocol.measurement != 0
-    )
-    share = np.empty(protocol.electrodes)
-    for electrode in range(protocol.electrodes):
-        mine = touching[..., electrode] | (protocol.injection_current_a[:, electrode] != 0)[:, None]
-        share[electrode] = energy[mine].sum() / max(energy.sum(), 1e-300) / max(mine.mean(), 1e-9)
-    return share
+SPLIT = "every fourth injection, gains and offsets fitted on the others"
+SIGNIFICANT = 1e-3
+MOST_IMAGED = 4
+"""Frames of which the report shows maps."""
+SUREST = 0.95
+ONE_FRAME = "one frame: a standing error that all electrodes share can't be told from noise"
 
 
 def diagnose_tank(recording: Recording, name: str) -> Findings:
-    """Name the electrode with a standing error in the empty tank, if one stands out."""
+    """Name the electrodes with a standing error in the empty tank, if any stand out; map what changed later."""
     assert recording.protocol is not None
-    assert recording.sensor is not None
     assert recording.frames is not None
-    nothing = HeldOut("none", None, None, None, None)
-    if not np.isfinite(recording.frames.voltage_v[0]).all():
-        return Findings(
-            Diagnosis(name, "cannot_tell", nothing, reason="the first frame has readings that are no numbers")
-        )
     protocol = recording.protocol
-    whole = fit_background(recording)
-    noise = reciprocity_noise_v(recording)
-    found = []
-    for electrode in range(protocol.electrodes):
-        touching = (protocol.measurement[..., electrode] != 0) | (protocol.injection_current_a[:, electrode] != 0)[
-            :, None
-        ]
-        rest = whole.misfit_v[~touching]
-        found.append(float(np.sqrt((rest**2).mean())))
-    best = int(np.argmin(found))
-    others = np.delete(found, best)
-    stands_out = (np.median(others) - found[best]) / max(
-        1.4826 * float(np.median(np.abs(others - np.median(others)))), 1e-12
+    voltage = np.asarray(recording.frames.voltage_v, dtype=float)
+    reason = _unusable(protocol, voltage)
+    if reason:
+        return Findings(Diagnosis(name, "cannot_tell", HeldOut("none", None, None, None, None), reason=reason))
+    empty = voltage[0]
+    errors = electrode_errors(protocol, empty)
+    mended = empty
+    for electrode in errors.named:
+        mended = corrected(protocol, mended, electrode)
+    noise = noise_v(protocol, voltage)
+    before, after = (rms_v(protocol, scan) / noise for scan in (empty, mended))
+    claims = tuple(c for e in errors.named for c in _claims(protocol, (empty, mended, noise), errors, e))
+    chance = standing_chance(protocol, voltage)
+    verdict = verdict_of(before if chance < SIGNIFICANT else 1.0, after, bool(claims), other_mismatch=False)
+    left = electrode_errors(protocol, mended)
+    diagnosis = Diagnosis(
+        name,
+        verdict,
+        HeldOut(SPLIT, noise, before, after, min(errors.p_value, default=chance)),
+        stage=None if verdict == "no_mismatch" else "acquisition",
+        electrodes=errors.named,
+        depends_on=("electrode",) if errors.named else (),
+        claims=claims,
+        unexplained_ratio=after,
+        unexplained_depends_on=("electrode",) if after > MATERIAL_RATIO else (),
+        reason=ONE_FRAME if len(voltage) == 1 else None,
     )
-    ratio = whole.rms_v / noise
-    claims: tuple[Claim, ...] = ()
-    electrodes: tuple[int, ...] = ()
-    if stands_out < 4:
-        verdict = "unexplained" if ratio > 1.05 else "no_mismatch"
+    return DrawnFindings(
+        diagnosis,
+        tests_before=(errors.axis_test(noise),),
+        tests_after=(left.axis_test(noise),),
+        drawings=(_electrode_drawing(errors, left), *_maps(recording, voltage)),
+    )
+
+
+def noise_v(protocol: Protocol, voltage_v: Array) -> float:
+    """Noise of a reading in volt: what no network explains of how frames (T,K,M) differ, for standing errors don't.
+
+    With one frame alone, the usual size of what no network explains of it.
+    """
+    good = voltage_v[np.isfinite(voltage_v).all(axis=(1, 2))]
+    if len(good) > 1:
+        noise = float(np.sqrt(np.mean([rms_v(protocol, change) ** 2 for change in np.diff(good, axis=0)]) / 2))
     else:
-        gain = channel_gain(whole, protocol, best)
-        effect = ChannelGain(best, gain=float(np.clip(gain, -0.49, 0.49)))
-        confidence = float(min(0.9, 1 - 2 / stands_out))
-        claims = (Claim(effect, confidence, whole.rms_v / found[best], {"gain": Estimate(gain, gain, gain, "1")}),)
-        verdict, electrodes = "partly_explained", (best,)
-    held = HeldOut(
-        "readings that don't touch the electrode", noise, ratio, (found[best] if claims else whole.rms_v) / noise, None
+        left = unexplained_v(protocol, good[0])
+        share = 1 - np.linalg.matrix_rank(protocol.design) / left.size
+        noise = float(1.4826 * np.median(np.abs(left)) / np.sqrt(share))
+    return max(noise, 1e-9 * float(np.abs(good).max()))
+
+
+def standing_chance(protocol: Protocol, voltage_v: Array) -> float:
+    """Chance that noise alone makes what no network explains of the first frame as large as it is (Fisher's F).
+
+    Degrees of freedom count less where some columns are noisier than others (Satterthwaite). NaN with one frame.
+    """
+    good = voltage_v[np.isfinite(voltage_v).all(axis=(1, 2))]
+    if len(good) < 2:
+        return float("nan")
+    changes = np.array([unexplained_v(protocol, change) for change in np.diff(good, axis=0)])
+    column = (changes**2).mean(axis=(0, 1))
+    even = float(column.mean() ** 2 / np.maximum((column**2).mean(), 1e-300))
+    freedom = even * (voltage_v[0].size - np.linalg.matrix_rank(protocol.design))
+    ratio = rms_v(protocol, good[0]) / noise_v(protocol, good)
+    return float(f_distribution.sf(ratio**2, freedom, freedom))
+
+
+def _unusable(protocol: Protocol, voltage_v: Array) -> str | None:
+    """Why a recording can't say anything, if so."""
+    if not len(voltage_v):
+        return "the recording holds no frame"
+    if not np.isfinite(voltage_v[0]).all():
+        return "the first frame has readings that are no numbers"
+    if not np.ptp(voltage_v[0]) > 0:
+        return "all readings of the first frame are alike"
+    if np.linalg.matrix_rank(protocol.design) >= voltage_v[0].size:
+        return "some resistor network explains any readings of this protocol: no reading is taken twice"
+    return None
+
+
+def _claims(
+    protocol: Protocol, scans: tuple[Array, Array, float], errors: ElectrodeErrors, electrode: int
+) -> list[Claim]:
+    """A gain and offset for every column that reads a bad electrode.
+
+    As sure as the electrode is, times the share of its excess over the other electrodes that they take away.
+    """
+    empty, mended, noise = scans
+    usual = float(np.nanmedian(errors.rms_v))
+    left = float(electrode_errors(protocol, mended).rms_v[electrode])
+    excess = errors.rms_v[electrode] ** 2 - usual**2
+    share = float(np.clip(1 - max(left**2 - usual**2, 0.0) / max(excess, 1e-300), 0.0, 1.0))
+    chance = errors.p_value[errors.named.index(electrode)]
+    confidence = min(SUREST, (1 - chance) * share)
+    ratio = rms_v(protocol, empty) / noise
+    return [
+        Claim(_effect(column), confidence, ratio, _estimates(column))
+        for column in column_errors(protocol, empty, electrode)
+    ]
+
+
+def _effect(column: ColumnError) -> ChannelGain:
+    known = ChannelGain.parameters()
+    return ChannelGain(
+        column.channel,
+        gain=float(np.clip(column.gain, known["gain"].low, known["gain"].high)),
+        offset_v=float(np.clip(column.offset_v, known["offset_v"].low, known["offset_v"].high)),
     )
-    return Findings(
-        Diagnosis(
-            name,
-            verdict,
-            held,
-            stage="acquisition" if claims else None,
-            electrodes=electrodes,
-            depends_on=("electrode",) if claims else (),
-            claims=claims,
-            unexplained_ratio=held.ratio_after,
-        )
-    )
 
 
-def channel_gain(background: Background, protocol: Protocol, electrode: int) -> float:
-    """Relative error of the readings at an electrode, by regression of their misfit on what the model predicts."""
-    design = protocol.design.reshape(*protocol.shape, -1)
-    predicted = design @ background.solution.pair_resistance_ohm
-    mine = protocol.measurement[..., electrode] != 0
-    return float((predicted[mine] @ background.misfit_v[mine]) / (predicted[mine] @ predicted[mine]))
+def _estimates(column: ColumnError) -> dict[str, Estimate]:
+    found = {}
+    for key, value, error, unit in (
+        ("gain", column.gain, column.gain_error, "1"),
+        ("offset_v", column.offset_v, column.offset_error_v, "V"),
+    ):
+        if np.isfinite(error):
+            found[key] = Estimate(value, value - QUANTILE * error, value + QUANTILE * error, unit)
+    return found
 
 
-def reciprocity_noise_v(recording: Recording) -> float:
-    """Rms in volt of what no resistor network explains of the first frame."""
+def _electrode_drawing(before: ElectrodeErrors, after: ElectrodeErrors) -> Drawing:
+    if before.named:
+        said = ", ".join(f"{e} (p = {p:.2g})" for e, p in zip(before.named, before.p_value, strict=True))
+        said = f"Standing out, corrected for the number of electrodes: {said}."
+    else:
+        said = f"None stands out (p = {before.p_left:.2g}, named from {LEVEL:g} down)."
+    caption = f"Error of each electrode's potential that no resistor network explains. {said}"
+    return "Which electrode reads wrong", caption, lambda: electrode_figure(before, after)
+
+
+def _maps(recording: Recording, voltage_v: Array) -> list[Drawing]:
+    """The later frames' maps, where the tank can be meshed and a background fits."""
+    later = [k for k in range(1, len(voltage_v)) if np.isfinite(voltage_v[k]).all()][:MOST_IMAGED]
+    if not later:
+        return []
+    assert recording.sensor is not None
     assert recording.protocol is not None
-    assert recording.frames is not None
-    protocol = recording.protocol
-    reading = np.asarray(recording.frames.voltage_v[0], dtype=float).ravel()
-    left = reading - protocol.design @ np.linalg.lstsq(protocol.design, reading, rcond=1e-9)[0]
-    rank = int(np.linalg.matrix_rank(protocol.design))
-    return float(np.sqrt((left**2).sum() / max(1, len(reading) - rank)))
+    try:
+        imaging = Imaging(recording.sensor, recording.protocol, voltage_v[0])
+        maps = [imaging.image(voltage_v[k]) for k in later]
+    except (MeshError, RuntimeError, np.linalg.LinAlgError):
+        return []
+    caption = (
+        "Conductivity over the empty tank's, by iterated Gauss-Newton with total variation; how smooth was chosen by "
+        "the readings (the bend of the L-curve)."
+    )
+    return [("What changed", caption, lambda: map_figure(recording.sensor, maps, later))]
