@@ -6,6 +6,7 @@ every frame that is kept, and is killed at a random moment, gone on with and kil
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 import tempfile
@@ -40,7 +41,10 @@ def record(path: Path) -> None:
 
 def killed(path: Path, seconds: float) -> int:
     """Frames told as kept by a recording killed after so many seconds from its first word."""
-    process = subprocess.Popen([sys.executable, __file__, "--record", str(path)], stdout=subprocess.PIPE, text=True)
+    # Who is killed can't tidy up: its folder of ports goes with ours.
+    environment = {**os.environ, "TMPDIR": str(path.parent)}
+    command = [sys.executable, __file__, "--record", str(path)]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment)
     assert process.stdout is not None
     told = int(process.stdout.readline() or 0)
     timer = threading.Timer(seconds, process.kill)

@@ -61,8 +61,8 @@ def main(recording: Path, models: list[Path]) -> None:
     shape = "x".join(map(str, scans.pressed_v.shape[1:]))
     text = [
         f"{FRAMES} pressed scans of {shape}, one thread. `scan`: readings in memory to force map and contacts;",
-        "`bytes`: from the bytes of our link on (checksums, counts, volts). `cold`: 64 MB of other memory written between",
-        f"each two of {COLD_FRAMES} frames, as caches are when a scan comes twice a second.",
+        "`bytes`: from the bytes of our link on (checksums, counts, volts). `cold`: 64 MB of other memory written",
+        f"between each two of {COLD_FRAMES} frames, as caches are when a scan comes twice a second.",
         "",
         f"| model | from | by | {head} |",
         "| --- | --- | --- |" + " --- |" * 2 * len(PERCENTILES),

@@ -143,7 +143,9 @@ def test_stopped_then_killed_and_gone_on_with(tmp_path: Path) -> None:
 def _sent(out: Path, number: signal.Signals, press: int) -> subprocess.CompletedProcess[str]:
     """A recording that gets a signal once it presses, in the press of that number."""
     command = [sys.executable, "-m", "ertskin.cli", *words(out, 4)]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    # Who is killed can't tidy up: its folder of ports goes with the test's.
+    environment = {**os.environ, "TMPDIR": str(out.parent)}
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment)
     deadline = time.monotonic() + 120
     while time.monotonic() < deadline and not _pressed(out, press):
         time.sleep(0.02)
