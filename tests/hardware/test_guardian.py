@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import io
 import json
 import subprocess
 import sys
 from contextlib import ExitStack
 from pathlib import Path
 
+import pytest
 from small_experiment import bench_of
 
+from hardware import guardian
+from hardware.failure import LostContact
+from hardware.guardian import stand_guard
 from hardware.recorder import part_of
 from hardware.recording import read_recording
 from hardware.virtual.serving import Server
@@ -41,3 +46,41 @@ def test_killed_while_pressing(tmp_path: Path) -> None:
     frames = read_recording(part_of(tmp_path / "a.h5")).frames
     assert frames is not None
     assert len(frames) >= 4
+
+
+class Stage:
+    """A stage whose port comes back after so many tries."""
+
+    gone, raised_m = 0, 0.0
+
+    def __init__(self, *_line: object) -> None:
+        if Stage.gone > 0:
+            Stage.gone -= 1
+            raise LostContact("can't be opened")
+
+    def raise_by(self, height_m: float, _speed_m_s: float) -> None:
+        """Straight up."""
+        Stage.raised_m += height_m
+
+    def recover(self) -> None:
+        """Nothing was wrong with it."""
+
+    close = recover
+
+
+@pytest.mark.parametrize(
+    ("word", "gone", "status", "raised_m"),
+    [(b"well\n", 0, 0, 0.0), (b"", 0, 0, 0.01), (b"", 40, 0, 0.01), (b"", 1000, 1, 0.0)],
+)
+def test_it_tries_until_the_stage_is_back(
+    word: bytes, gone: int, status: int, raised_m: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Stage, "gone", gone)
+    monkeypatch.setattr(Stage, "raised_m", 0.0)
+    monkeypatch.setattr(guardian, "SerialTransport", lambda *_port: None)
+    monkeypatch.setattr(guardian, "STAGES", {"grbl": Stage})
+    monkeypatch.setattr(guardian.SystemClock, "sleep", lambda _clock, _seconds: None)
+    monkeypatch.setattr("sys.stdin", io.TextIOWrapper(io.BytesIO(word)))
+    words = {"stage": {"driver": "grbl", "port": "/dev/stage"}, "height_m": 0.01, "speed_m_s": 0.02}
+    assert stand_guard(json.dumps(words)) == status
+    assert Stage.raised_m == raised_m
