@@ -9,7 +9,7 @@ L-curve bends; nothing but the readings is asked.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -95,13 +95,7 @@ class Imaging:
 
     def image(self, voltage_v: Array, variance_v2: Array | None = None) -> InclusionMap:
         """What changed between the empty scan and another one (K,M) in volt: where the L-curve bends first."""
-        path = self.path(voltage_v, variance_v2)
-        best = next(path)
-        for one in path:
-            if one.misfit * one.variation > best.misfit * best.variation:
-                break
-            best = one
-        return best
+        return bend(self.path(voltage_v, variance_v2))
 
     def path(self, voltage_v: Array, variance_v2: Array | None = None) -> Iterator[InclusionMap]:
         """Maps for every one of ``WEIGHTS``; ``variance_v2`` (K,M) of the readings, by default ``reading_variance``."""
@@ -144,6 +138,17 @@ class Imaging:
     def _variation(self, log_ratio: Array) -> Array:
         """(C,) length of the map's gradient in every cell of the grid, per spacing."""
         return np.asarray(np.sqrt(0.5 * ((self.slopes @ log_ratio).reshape(4, -1) ** 2).sum(axis=0)))
+
+
+def bend(path: Iterable[InclusionMap]) -> InclusionMap:
+    """The map where the L-curve of maps ever rougher bends first: the product of misfit and variation is least."""
+    maps = iter(path)
+    best = next(maps)
+    for one in maps:
+        if one.misfit * one.variation > best.misfit * best.variation:
+            break
+        best = one
+    return best
 
 
 def reading_variance(protocol: Protocol, change_v: Array) -> Array:
