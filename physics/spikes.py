@@ -54,6 +54,9 @@ def _without(basis: Array, reading: Array, left_out: NDArray[np.bool_]) -> Array
     """(P,) least-squares coordinates of one frame's readings (R,) without those left out."""
     kept = np.where(left_out, 0.0, reading) @ basis
     lost = basis[left_out]
+    if len(lost) > basis.shape[1]:
+        return np.asarray(np.linalg.lstsq(np.eye(basis.shape[1]) - lost.T @ lost, kept, rcond=1e-9)[0])
+    # The same by Woodbury, in fewer unknowns.
     correction = np.linalg.lstsq(np.eye(len(lost)) - lost @ lost.T, lost @ kept, rcond=1e-9)[0]
     return kept + lost.T @ correction
 

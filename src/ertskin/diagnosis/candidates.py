@@ -8,6 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ertskin.diagnosis.added_gain import added_gain
+from ertskin.diagnosis.smooth_fields import best_field
 from ertskin.diagnosis.voltage_fit import Solved, Term, VoltageProblem
 from physics.effects.channel_gain import ChannelGain
 from physics.effects.contact_pressure_dependence import ContactPressureDependence
@@ -29,12 +31,14 @@ SPOTS = 5
 """Gaussian spots are tried at SPOTS x SPOTS places."""
 LEAST_LEFTOVER = 0.05
 """Least part of an instrument's pattern expected to lie outside what a network could give."""
+SCREENED_LENGTHS = (0.4,)
+"""Correlation lengths of the smooth fields screened, over the sheet's longer side."""
 SPOT_KEYS = ("amplitude", "x_m", "y_m", "radius_m")
 
 
 @dataclass(frozen=True)
 class Candidate:
-    """A term to try, what screening expects it to gain (half chi-square, held out), and the value to start from."""
+    """A term to try, where it starts, and what screening expects it to gain (half chi-square, held out)."""
 
     term: Term
     gain: float
@@ -47,6 +51,7 @@ class Candidate:
 def screen(problem: VoltageProblem, solved: Solved, partitions: Sequence[Sequence[int]]) -> list[Candidate]:
     """Every term that isn't in the fit yet, best first."""
     found = [*_through_scans(problem, solved, partitions), *_electrodes(problem, solved, partitions)]
+    found += _fields(problem, solved, partitions)
     found += _instrument(problem, solved)
     return sorted(found, key=lambda c: -c.gain)
 
@@ -131,6 +136,18 @@ def _loaded_contacts(
         return Term(effect.changed({"sensitivity_per_pa": sensitivity * share}), ("sensitivity_per_pa", "exponent"))
 
     trials.append(([(effect, 1.0)], finish))
+
+
+def _fields(problem: VoltageProblem, solved: Solved, partitions: Sequence[Sequence[int]]) -> list[Candidate]:
+    """Properties that vary smoothly over the sheet, without the wild guesses of a spot where nothing has pressed."""
+    present = {t.name for t in solved.terms}
+    found = []
+    for kind in (PiezoInhomogeneity, SheetInhomogeneity):
+        if kind.name not in present:
+            gain, nodes = best_field(problem, solved, (*solved.effects,), kind(), partitions, SCREENED_LENGTHS)
+            if nodes is not None:
+                found.append(Candidate(Term(kind(nodes=nodes), ("gradient_x", "gradient_y")), gain))
+    return found
 
 
 def _electrodes(problem: VoltageProblem, solved: Solved, partitions: Sequence[Sequence[int]]) -> list[Candidate]:
@@ -220,66 +237,3 @@ def _one_column(along: float, square: float, share: float) -> tuple[float, float
     if square <= 0:
         return 0.0, 0.0
     return 0.5 * share * along**2 / square - 0.5, along / square
-
-
-def added_gain(
-    problem: VoltageProblem,
-    solved: Solved,
-    columns: Array,
-    base: Array,
-    specimen: Array,
-    specimen_columns: Array,
-    partitions: Sequence[Sequence[int]],
-    precision: Array | None = None,
-) -> tuple[float, Array]:
-    """First-order held-out gain in half chi-square of adding columns (T,P,c) to the fit, and their coefficients.
-
-    ``precision`` (c,) of the coefficients about nought, beforehand.
-    """
-    quadratic = solved.fit.quadratic
-    added = columns.shape[-1]
-    count = len(solved.fit.value)
-    cells = len(quadratic.cost)
-    gradient = np.zeros((cells, count + added))
-    hessian = np.zeros((cells, count + added, count + added))
-    gradient[:, :count] = quadratic.gradient
-    hessian[:, :count, :count] = quadratic.hessian
-    known, known_specimen = problem.last_columns
-    for cell in range(problem.cell_count):
-        mine = (problem.cells == cell) & (problem.weight > 0)
-        if not mine.any():
-            continue
-        new = columns[mine].reshape(-1, added)
-        gradient[cell, count:] = new.T @ base[mine].ravel()
-        hessian[cell, count:, count:] = new.T @ new
-        cross = known[mine].reshape(-1, count).T @ new.astype(np.float32)
-        hessian[cell, :count, count:] = cross
-        hessian[cell, count:, :count] = cross.T
-    if len(specimen):
-        gradient[-1, count:] = specimen_columns.T @ specimen
-        hessian[-1, count:, count:] = specimen_columns.T @ specimen_columns
-        cross = known_specimen.T @ specimen_columns
-        hessian[-1, :count, count:] = cross
-        hessian[-1, count:, :count] = cross.T
-    prior = np.zeros(count + added)
-    prior[:count] = solved.fit.prior.diagonal()
-    if precision is not None:
-        prior[count:] = precision
-    value = np.concatenate([solved.fit.value, np.zeros(added)])
-    gain = 0.0
-    for out in [*partitions, []]:
-        inside = ~np.isin(np.arange(cells), out)
-        full = _newton(gradient[inside].sum(axis=0) - prior * value, hessian[inside].sum(axis=0) + np.diag(prior))
-        small = _newton(
-            gradient[inside, :count].sum(axis=0) - (prior * value)[:count],
-            hessian[inside, :count, :count].sum(axis=0) + np.diag(prior[:count]),
-        )
-        for cell in out:
-            gain += gradient[cell] @ full - 0.5 * full @ hessian[cell] @ full
-            gain -= gradient[cell, :count] @ small - 0.5 * small @ hessian[cell, :count, :count] @ small
-    return float(gain), full[count:]
-
-
-def _newton(gradient: Array, hessian: Array) -> Array:
-    scale = np.sqrt(np.maximum(np.diag(hessian), 1e-300))
-    return np.asarray(np.linalg.lstsq(hessian / scale[:, None] / scale, gradient / scale, rcond=1e-10)[0] / scale)

@@ -323,8 +323,7 @@ def _leftover_after(evidence: Evidence, selection: Selection) -> float:
     if not acquires(solved.effects):
         return evidence.leftover_ratio
     left = problem.acquisition.residual(problem.family.skin(solved.calibration, solved.effects))
-    readings, pairs = evidence.protocol.orthonormal.shape
-    return float(np.sqrt((left[left != 0] ** 2).mean() * readings / max(readings - pairs, 1)))
+    return float(np.sqrt((left[left != 0] ** 2).mean() / evidence.leftover_share))
 
 
 def _ratio(residual: Array) -> float:

@@ -21,6 +21,8 @@ STANDING = 0.01
 TOP = 3e-3
 """Part of the readings among which a converter that bends is looked for."""
 FEWEST_RESTS = 4
+LEAST_FREEDOM = 0.05
+"""Readings that a network follows more closely than this say nothing about the noise."""
 
 
 class CannotTell(Exception):
@@ -33,7 +35,8 @@ class Evidence:
 
     ``scan_v`` (T,P) whitened scans, spikes left out; ``leftover_v`` (T,K,M) what no resistor network gives, zero at
     spikes; ``spike_fraction`` of the readings; ``leftover_noise_v`` noise of a reading by what no network explains,
-    ``noise_v`` the same of a whitened scan's numbers: equal unless the noise is coloured; ``air_n`` of the load cell.
+    ``noise_v`` the same of a whitened scan's numbers: equal unless the noise is coloured; ``air_n`` of the load cell;
+    ``leftover_share`` part of white noise's variance that no network explains, over the readings there are.
     ``stray`` (P,k): directions, one standard deviation long in units of the noise, in which rest frames scatter more;
     ``traces`` (T,P,m): orthonormal directions, or noughts, that say nothing: places pressed before and not recovered.
     """
@@ -50,6 +53,7 @@ class Evidence:
     saturated_v: float | None
     stray: Array
     traces: Array
+    leftover_share: float
 
     def discounted(self, rows: Array) -> Array:
         """Rows (T,P,...) in units of the noise without ``traces``, times (I + S S')^-1/2, S being ``stray``."""
@@ -66,14 +70,9 @@ class Evidence:
     @property
     def leftover_ratio(self) -> float:
         """Rms over noise of what no network explains."""
-        readings, pairs = self.protocol.orthonormal.shape
         seen = self.leftover_v[self.leftover_v != 0]
-        share = np.sqrt(max(readings - pairs, 1) / readings)
-        return (
-            float(np.sqrt(np.mean(np.square(seen, dtype=float)))) / (share * self.leftover_noise_v)
-            if seen.size
-            else 0.0
-        )
+        noise_v = np.sqrt(self.leftover_share) * self.leftover_noise_v
+        return float(np.sqrt(np.mean(np.square(seen, dtype=float)))) / noise_v if seen.size else 0.0
 
     @property
     def rest(self) -> NDArray[np.bool_]:
@@ -112,8 +111,8 @@ def gather(recording: Recording) -> Evidence:
     if limit is None and _bent_at_top(voltage, fitted, spike):
         limit = float(np.nanmax(voltage))
     leftover = np.where(spike | ~np.isfinite(voltage), 0.0, voltage - fitted)
-    readings, pairs = protocol.orthonormal.shape
-    core = _leftover_noise_v(leftover, spike, rest) * np.sqrt(readings / max(1, readings - pairs))
+    freedom = _freedom(protocol, np.isfinite(voltage).mean(axis=0) > 0.5)
+    core = _leftover_noise_v(leftover / np.sqrt(np.maximum(freedom, LEAST_FREEDOM)), spike, rest)
     quantum = (protocol.adc_volts_per_count or 0.0) / np.sqrt(12)
     if not core > 0:
         raise CannotTell("the readings don't vary: no noise to measure a misfit against")
@@ -132,23 +131,37 @@ def gather(recording: Recording) -> Evidence:
         max(core, quantum),
         air,
         limit,
-        np.zeros((pairs, 0)),
-        np.zeros((len(scan), pairs, 0)),
+        np.zeros((scan.shape[1], 0)),
+        np.zeros((*scan.shape, 0)),
+        float(freedom[freedom > LEAST_FREEDOM].mean()) if (freedom > LEAST_FREEDOM).any() else 1.0,
     )
+
+
+def _freedom(protocol: Protocol, there: NDArray[np.bool_]) -> Array:
+    """(K,M) part of a reading's noise variance that a network's fit leaves, where only some readings are ``there``.
+
+    A dead channel leaves some pairs to few readings, which the fit then follows closely.
+    """
+    kept = protocol.orthonormal[there.ravel()]
+    inverse = np.linalg.pinv(kept.T @ kept, rcond=1e-9, hermitian=True)
+    freedom = np.zeros(there.size)
+    freedom[there.ravel()] = 1 - ((kept @ inverse) * kept).sum(axis=1)
+    return freedom.reshape(there.shape)
 
 
 def _channels_restored(
     protocol: Protocol, voltage: Array, scan: Array, spike: NDArray[np.bool_]
 ) -> tuple[Array, NDArray[np.bool_]]:
     """Scans and spikes with whole channels put back that despiking took for spikes: an error of theirs stands."""
-    share = spike.mean(axis=(0, 1))
+    there = np.isfinite(voltage)
+    share = (spike & there).mean(axis=(0, 1))
     standing = (share > STANDING) & (share > 10 * np.median(share))
     if not standing.any():
         return scan, spike
     kept = spike.copy()
-    kept[..., standing] = False
+    kept[..., standing] = ~there[..., standing]
     fitted = (scan @ protocol.orthonormal.T).reshape(voltage.shape)
-    filled = np.where(kept | ~np.isfinite(voltage), fitted, voltage)
+    filled = np.where(kept | ~there, fitted, voltage)
     return filled.reshape(len(filled), -1) @ protocol.orthonormal, kept
 
 

@@ -145,8 +145,9 @@ def _different(listed: Sequence[Candidate]) -> list[Candidate]:
     return kept
 
 
-def _form(candidate: Candidate) -> tuple[tuple[str, ...], bool]:
-    return candidate.term.free, getattr(candidate.term.effect, "remembers_air", False)
+def _form(candidate: Candidate) -> tuple[object, ...]:
+    effect = candidate.term.effect
+    return candidate.term.free, getattr(effect, "remembers_air", False), bool(getattr(effect, "nodes", ()))
 
 
 def _try(
@@ -167,6 +168,9 @@ def _try(
     for candidate in candidates:
         solved = problem.solve([*current.terms, candidate.term], current.calibration, steps=4, leftover=instrument)
         gain = reference - float(held_out(solved, partitions).sum())
+        if getattr(candidate.term.effect, "nodes", ()):
+            # Its nodes were fitted to every cell: what it gained where they were not is what counts.
+            gain = min(gain, candidate.gain)
         results.append((solved.terms[-1], gain, solved))
     problem.reuse = False
     return sorted(results, key=lambda r: -r[1])

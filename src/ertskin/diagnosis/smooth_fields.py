@@ -8,11 +8,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ertskin.diagnosis.candidates import added_gain
+from ertskin.diagnosis.added_gain import added_gain
 from ertskin.diagnosis.voltage_fit import Solved, Term, VoltageProblem
+from physics.effects.effect import Effect
 from physics.effects.piezo_inhomogeneity import PiezoInhomogeneity
 from physics.effects.sheet_inhomogeneity import SheetInhomogeneity
-from physics.effects.smooth_field import node_position_m
+from physics.effects.smooth_field import Nodes, node_position_m
 
 Array = NDArray[np.float64]
 
@@ -24,6 +25,8 @@ SPREADS = (0.03, 0.1, 0.3, 1.0)
 LEAST = 3e-3
 """Modes are left out from this part of the first one's variance on."""
 PASSES = 2
+PROBE = 0.02
+"""Size of a mode at which its derivative is taken."""
 SIGNIFICANT = 15.0
 
 
@@ -46,61 +49,60 @@ class Modes:
 def with_smooth_fields(problem: VoltageProblem, current: Solved, partitions: Sequence[Sequence[int]]) -> Solved:
     """The fit with a smooth field in each inhomogeneity, where it predicts cells held out significantly better."""
     for number, term in enumerate(current.terms):
-        if isinstance(term.effect, PiezoInhomogeneity | SheetInhomogeneity) and term.free:
-            for _ in range(PASSES):
-                freed = _freed(problem, current, number, partitions)
-                if freed is None or freed.cost > current.cost:
-                    break
-                current = freed
+        for _ in range(PASSES if isinstance(term.effect, PiezoInhomogeneity | SheetInhomogeneity) and term.free else 0):
+            freed = _freed(problem, current, number, partitions)
+            if freed is None or freed.cost > current.cost:
+                break
+            current = freed
     return current
 
 
 def _freed(problem: VoltageProblem, current: Solved, number: int, partitions: Sequence[Sequence[int]]) -> Solved | None:
-    """One Gauss-Newton step in the field, its length and spread those that predict best; then the rest again.
-
-    None where no field predicts cells held out significantly better.
-    """
+    """One Gauss-Newton step in the field, then the rest again; None where no field gains, held out, what matters."""
     effect = current.terms[number].effect
     assert isinstance(effect, PiezoInhomogeneity | SheetInhomogeneity)
     current = problem.at_hand(current)
-    known = np.asarray(effect.nodes) if effect.nodes else np.zeros(SHAPE)
-    best, field = SIGNIFICANT, None
-    for length in LENGTHS:
-        modes = Modes.of(problem.evidence.sensor.extent_m, length)
-        columns, specimen = _columns(problem, current, number, effect, known, modes)
-        for spread in SPREADS:
-            prior = np.full(len(modes.values), spread**-2)
-            base = current.scan_residual
-            gain, value = added_gain(
-                problem, current, columns, base, specimen, np.zeros((len(specimen), len(prior))), partitions, prior
-            )
-            if gain > best and np.isfinite(value).all():
-                best, field = gain, value @ modes.values
-    if field is None:
+    others = (*current.effects[:number], *current.effects[number + 1 :])
+    gain, nodes = best_field(problem, current, others, effect, partitions, LENGTHS)
+    if nodes is None or gain < SIGNIFICANT:
         return None
-    nodes = tuple(tuple(map(float, row)) for row in known + field.reshape(SHAPE))
     terms = list(current.terms)
     terms[number] = Term(replace(effect, nodes=nodes), terms[number].free)
     return problem.solve(terms, current.calibration, steps=5)
 
 
-def _columns(
+def best_field(
     problem: VoltageProblem,
     current: Solved,
-    number: int,
+    others: tuple[Effect, ...],
     effect: PiezoInhomogeneity | SheetInhomogeneity,
-    known: Array,
-    modes: Modes,
-) -> tuple[Array, Array]:
-    """(T,P,K) change of the whitened residual by each mode, and the specimen's residual (N,), which has no places."""
-    size = 0.02
-    base = problem.scan_residual(problem.family.skin(current.calibration, current.effects))
-    columns = np.empty((*base.shape, len(modes.values)))
-    for k, mode in enumerate(modes.values):
-        nodes = tuple(tuple(map(float, row)) for row in known + size * mode.reshape(SHAPE))
-        effects = [*current.effects[:number], replace(effect, nodes=nodes), *current.effects[number + 1 :]]
-        moved = problem.scan_residual(problem.family.skin(current.calibration, effects))
-        columns[..., k] = (base - moved) / size
-    if problem.specimen is None:
-        return columns, np.zeros(0)
-    return columns, problem.specimen.residual(problem.family.skin(current.calibration, current.effects))
+    partitions: Sequence[Sequence[int]],
+    lengths: Sequence[float],
+) -> tuple[float, Nodes | None]:
+    """Held-out gain, to first order, of the field that predicts best, and its nodes (None: none gains anything).
+
+    ``effect`` as it is in the fit at hand, or neutral; ``others`` the fit's other effects.
+    """
+    known = np.asarray(effect.nodes) if effect.nodes else np.zeros(SHAPE)
+    best, field = 0.0, None
+    here = problem.family.skin(current.calibration, (*others, effect))
+    base = problem.scan_residual(here)
+    specimen = np.zeros(0) if problem.specimen is None else problem.specimen.residual(here)
+    for length in lengths:
+        modes = Modes.of(problem.evidence.sensor.extent_m, length)
+        columns = np.empty((*base.shape, len(modes.values)))
+        for k, mode in enumerate(modes.values):
+            probe = replace(effect, nodes=_plain(known + PROBE * mode.reshape(SHAPE)))
+            moved = problem.scan_residual(problem.family.skin(current.calibration, (*others, probe)))
+            columns[..., k] = (base - moved) / PROBE
+        nowhere = np.zeros((len(specimen), len(modes.values)))
+        for spread in SPREADS:
+            precision = np.full(len(modes.values), spread**-2)
+            gain, value = added_gain(problem, current, columns, base, specimen, nowhere, partitions, precision)
+            if gain > best and np.isfinite(value).all():
+                best, field = gain, value @ modes.values
+    return best, None if field is None else _plain(known + field.reshape(SHAPE))
+
+
+def _plain(nodes: Array) -> Nodes:
+    return tuple(tuple(map(float, row)) for row in nodes)
