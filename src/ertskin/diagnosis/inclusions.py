@@ -19,7 +19,7 @@ from scipy.linalg import cho_factor, cho_solve
 from scipy.sparse import csr_array, diags_array, vstack
 
 from ertskin.diagnosis.sensitivity import Hats, sheet_sensitivity
-from ertskin.diagnosis.standing_error import unexplained_v
+from ertskin.diagnosis.standing_error import network_basis, unexplained_v
 from physics.calibration.contact_resistance import ContactFit, ContactProblem, robust
 from physics.calibration.scan_space import ScanSpace
 from physics.conduction.mesh import Grading
@@ -154,7 +154,7 @@ def bend(path: Iterable[InclusionMap]) -> InclusionMap:
 def reading_variance(protocol: Protocol, change_v: Array) -> Array:
     """(K,M) variance in volt² of a change of the readings: by column, from what no network explains of it."""
     left = unexplained_v(protocol, change_v)
-    freedom = 1 - ScanSpace.of(protocol).basis.shape[1] / left.size
+    freedom = 1 - network_basis(protocol).shape[1] / left.size
     column = (left**2).mean(axis=0) / max(freedom, 1e-3)
     return np.broadcast_to(np.maximum(column, 1e-6 * np.median(change_v**2)), left.shape)
 

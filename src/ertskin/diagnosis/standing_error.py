@@ -7,6 +7,7 @@ electrode stands out where its share of that rest is larger than the other elect
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -60,6 +61,12 @@ class ColumnError:
     offset_error_v: float
 
 
+@lru_cache(maxsize=4)
+def network_basis(protocol: Protocol) -> Array:
+    """(K*M, n) orthonormal columns that span the readings some resistor network could give."""
+    return ScanSpace.of(protocol).basis
+
+
 def electrode_errors(protocol: Protocol, voltage_v: Array, level: float = LEVEL) -> ElectrodeErrors:
     """Test of every electrode of a scan (K,M) in volt.
 
@@ -68,7 +75,7 @@ def electrode_errors(protocol: Protocol, voltage_v: Array, level: float = LEVEL)
     spread of the others' (Student's t, corrected for their number): the generalised extreme studentised deviate of
     Rosner, Technometrics 25 (1983) 165. It supposes that errors of good electrodes are alike up to a log-normal factor.
     """
-    network = ScanSpace.of(protocol).basis
+    network = network_basis(protocol)
     reading = voltage_v.ravel()
     every = _rms_v(protocol, network, reading)
     rms = every
@@ -102,7 +109,7 @@ def column_errors(
     for k, column in enumerate(columns):
         errors[:, column, 2 * k] = predicted[:, column]
         errors[:, column, 2 * k + 1] = 1.0
-    network = ScanSpace.of(protocol).basis.reshape(*protocol.shape, -1)[rows].reshape(len(rows) * shape[1], -1)
+    network = network_basis(protocol).reshape(*protocol.shape, -1)[rows].reshape(len(rows) * shape[1], -1)
     basis = np.linalg.qr(network)[0]
     design = errors[rows].reshape(-1, shape[2])
     size = np.linalg.norm(design, axis=0)
@@ -140,7 +147,7 @@ def read_by(protocol: Protocol, electrode: int) -> Indices:
 
 def without(protocol: Protocol, voltage_v: Array, electrode: int) -> Array:
     """(K,M) readings in volt of the network that fits the scan with an electrode's potentials given up."""
-    network = ScanSpace.of(protocol).basis
+    network = network_basis(protocol)
     pattern = np.linalg.qr(_patterns(protocol, electrode))[0]
 
     def kept(value: Array) -> Array:
@@ -153,14 +160,14 @@ def without(protocol: Protocol, voltage_v: Array, electrode: int) -> Array:
 
 def unexplained_v(protocol: Protocol, voltage_v: Array) -> Array:
     """(K,M) what no network explains of a scan, in volt."""
-    network = ScanSpace.of(protocol).basis
+    network = network_basis(protocol)
     reading = voltage_v.ravel()
     return np.asarray(reading - network @ (network.T @ reading)).reshape(protocol.shape)
 
 
 def rms_v(protocol: Protocol, voltage_v: Array) -> float:
     """Rms in volt of what no network explains, per degree of freedom."""
-    freedom = voltage_v.size - ScanSpace.of(protocol).basis.shape[1]
+    freedom = voltage_v.size - network_basis(protocol).shape[1]
     return float(np.sqrt((unexplained_v(protocol, voltage_v) ** 2).sum() / max(1, freedom)))
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import f as f_distribution
 
-from ertskin.diagnosis.claims import MATERIAL_RATIO, QUANTILE, Claim, Diagnosis, Estimate, HeldOut, verdict_of
+from ertskin.diagnosis.claims import QUANTILE, Claim, Diagnosis, Estimate, HeldOut, verdict_of
 from ertskin.diagnosis.diagnose import Findings
 from ertskin.diagnosis.drawn import Drawing, DrawnFindings
 from ertskin.diagnosis.inclusions import Imaging
@@ -22,6 +22,7 @@ from ertskin.diagnosis.standing_error import (
     column_errors,
     corrected,
     electrode_errors,
+    network_basis,
     rms_v,
     unexplained_v,
 )
@@ -35,6 +36,7 @@ Array = NDArray[np.float64]
 
 SPLIT = "every fourth injection, gains and offsets fitted on the others"
 SIGNIFICANT = 1e-3
+MOST_COMPARED = 100
 MOST_IMAGED = 4
 """Frames of which the report shows maps."""
 SUREST = 0.95
@@ -70,7 +72,7 @@ def diagnose_tank(recording: Recording, name: str) -> Findings:
         depends_on=("electrode",) if errors.named else (),
         claims=claims,
         unexplained_ratio=after,
-        unexplained_depends_on=("electrode",) if after > MATERIAL_RATIO else (),
+        unexplained_depends_on=("electrode",) if left.named else (),
         reason=ONE_FRAME if len(voltage) == 1 else None,
     )
     return DrawnFindings(
@@ -86,12 +88,12 @@ def noise_v(protocol: Protocol, voltage_v: Array) -> float:
 
     With one frame alone, the usual size of what no network explains of it.
     """
-    good = voltage_v[np.isfinite(voltage_v).all(axis=(1, 2))]
+    good = voltage_v[np.isfinite(voltage_v).all(axis=(1, 2))][:MOST_COMPARED]
     if len(good) > 1:
         noise = float(np.sqrt(np.mean([rms_v(protocol, change) ** 2 for change in np.diff(good, axis=0)]) / 2))
     else:
         left = unexplained_v(protocol, good[0])
-        share = 1 - np.linalg.matrix_rank(protocol.design) / left.size
+        share = 1 - network_basis(protocol).shape[1] / left.size
         noise = float(1.4826 * np.median(np.abs(left)) / np.sqrt(share))
     return max(noise, 1e-9 * float(np.abs(good).max()))
 
@@ -101,13 +103,13 @@ def standing_chance(protocol: Protocol, voltage_v: Array) -> float:
 
     Degrees of freedom count less where some columns are noisier than others (Satterthwaite). NaN with one frame.
     """
-    good = voltage_v[np.isfinite(voltage_v).all(axis=(1, 2))]
+    good = voltage_v[np.isfinite(voltage_v).all(axis=(1, 2))][:MOST_COMPARED]
     if len(good) < 2:
         return float("nan")
     changes = np.array([unexplained_v(protocol, change) for change in np.diff(good, axis=0)])
     column = (changes**2).mean(axis=(0, 1))
     even = float(column.mean() ** 2 / np.maximum((column**2).mean(), 1e-300))
-    freedom = even * (voltage_v[0].size - np.linalg.matrix_rank(protocol.design))
+    freedom = even * (voltage_v[0].size - network_basis(protocol).shape[1])
     ratio = rms_v(protocol, good[0]) / noise_v(protocol, good)
     return float(f_distribution.sf(ratio**2, freedom, freedom))
 
@@ -120,7 +122,7 @@ def _unusable(protocol: Protocol, voltage_v: Array) -> str | None:
         return "the first frame has readings that are no numbers"
     if not np.ptp(voltage_v[0]) > 0:
         return "all readings of the first frame are alike"
-    if np.linalg.matrix_rank(protocol.design) >= voltage_v[0].size:
+    if network_basis(protocol).shape[1] >= voltage_v[0].size:
         return "some resistor network explains any readings of this protocol: no reading is taken twice"
     return None
 
