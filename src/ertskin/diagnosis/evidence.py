@@ -20,6 +20,8 @@ STANDING = 0.01
 """Part of a channel's readings, taken for spikes, from which they are none."""
 TOP = 3e-3
 """Part of the readings among which a converter that bends is looked for."""
+LEAST_ODD = 1e-3
+"""Part of a frame's readings, taken for spikes beyond the usual, from which the frame is odd."""
 FEWEST_RESTS = 4
 LEAST_FREEDOM = 0.05
 """Readings that a network follows more closely than this say nothing about the noise."""
@@ -107,6 +109,8 @@ def gather(recording: Recording) -> Evidence:
     except np.linalg.LinAlgError:
         raise CannotTell("this scan can't tell all pair resistances apart") from None
     scan, spike = _channels_restored(protocol, voltage, scan, spike)
+    if limit is None and not _bent_at_top(voltage, (scan @ protocol.orthonormal.T).reshape(voltage.shape), spike):
+        scan, spike = _presses_restored(protocol, voltage, scan, spike, rest)
     fitted = (scan @ protocol.orthonormal.T).reshape(voltage.shape)
     if limit is None and _bent_at_top(voltage, fitted, spike):
         limit = float(np.nanmax(voltage))
@@ -163,6 +167,24 @@ def _channels_restored(
     fitted = (scan @ protocol.orthonormal.T).reshape(voltage.shape)
     filled = np.where(kept | ~there, fitted, voltage)
     return filled.reshape(len(filled), -1) @ protocol.orthonormal, kept
+
+
+def _presses_restored(
+    protocol: Protocol, voltage: Array, scan: Array, spike: NDArray[np.bool_], rest: NDArray[np.bool_]
+) -> tuple[Array, NDArray[np.bool_]]:
+    """Scans and spikes with whole frames put back that despiking thinned out though only presses have such spikes.
+
+    Spikes don't wait for a press; a press that moves during its scan leaves readings that no one network gives.
+    """
+    there = np.isfinite(voltage)
+    rate = (spike & there).mean(axis=(1, 2))
+    usual = float(rate[rest].mean())
+    odd = rate > usual + 5 * np.sqrt(usual / spike[0].size) + LEAST_ODD
+    if odd[~rest].mean() < STANDING or odd[rest].mean() > 0.25 * odd[~rest].mean():
+        return scan, spike
+    scan, spike = scan.copy(), spike.copy()
+    scan[odd], spike[odd] = despiked(protocol, voltage[odd], threshold=np.inf)
+    return scan, spike
 
 
 def _bent_at_top(voltage: Array, fitted: Array, spike: NDArray[np.bool_]) -> bool:

@@ -76,7 +76,9 @@ def select(
     current = before
     if begun:
         current = problem.solve([*fixed, *(term for term, _ in begun)], before.calibration)
-        current = _refined(problem, current, partitions)
+        # A form is freed about the fit itself: further off it would mend what linearising leaves.
+        problem = build(current)
+        current = _refined(problem, problem.solve(current.terms, current.calibration), partitions)
     rounds: list[tuple[tuple[str, float], ...]] = []
     stand: dict[str, Rivals] = {_key(term): rivals for term, rivals in begun}
     for turn in range(MOST_TERMS):
