@@ -15,6 +15,8 @@ Array = NDArray[np.float64]
 SAMPLES = 3000
 PAUSE = 3.0
 """Times the usual interval between two updates of the gap, from which the plates are taken to have stood still."""
+AIR = 0.05
+"""Part of the deepest compression below which the plates are taken to have left the foam."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,13 +47,18 @@ class Compression:
 
 
 def prepared(coupon: Coupon, samples: int = SAMPLES) -> Compression:
-    """A test of a coupon; cycles are told apart where the compression turns, fast ones by their speed."""
+    """A test of a coupon; cycles are told apart where the compression turns, fast ones by their speed.
+
+    What follows after the plates have left the foam for good is no test of it.
+    """
     time_s, force = np.asarray(coupon.time_s, dtype=float), np.asarray(coupon.force_n, dtype=float)
     sink = coupon.height_m - np.asarray(coupon.gap_m, dtype=float)
     good = np.isfinite(sink) & np.isfinite(force) & np.isfinite(time_s)
     time_s, force, sink = time_s[good], force[good], sink[good]
     corner_s, corner_m = plates_way(time_s, sink)
     sink = np.interp(time_s, corner_s, corner_m)
+    end = 1 + int(np.flatnonzero(sink > AIR * sink.max())[-1]) if sink.max() > 0 else len(sink)
+    time_s, force, sink = time_s[:end], force[:end], sink[:end]
     cycle = _cycles(sink, sink.max())
     fast = np.arange(len(sink)) < _slow_start(time_s, sink, cycle)
     kept = np.unique(np.linspace(0, len(sink) - 1, samples).astype(int))

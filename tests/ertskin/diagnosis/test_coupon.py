@@ -58,6 +58,19 @@ def test_cycles_and_the_slow_part_are_found():
     assert slow[-1] == test.time_s[-1]
 
 
+def test_plates_that_have_left_the_foam_test_nothing():
+    coupon = made_up()
+    time_s = np.concatenate([coupon.time_s, coupon.time_s[-1] + 0.08 * np.arange(1, 400)])
+    air = np.zeros(399)
+    lifted = replace(
+        coupon,
+        time_s=time_s,
+        gap_m=np.append(coupon.gap_m, HEIGHT_M + air),
+        force_n=np.append(coupon.force_n, air),
+    )
+    assert prepared(lifted).time_s[-1] == pytest.approx(coupon.time_s[-1], abs=0.1)
+
+
 def test_plates_that_stood_still_are_known_from_where_they_went_on():
     """The gap's record keeps the value before a halt; the next update says where they halted."""
     at_s, to_m = plates_way(np.arange(20.0), np.array([0, 1, 2, 3, 4, 5, 5, 5, 5, 5, 5, 6, 5, 4, 3, 2, 1, 0, 0, 0.0]))
