@@ -5,7 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ertskin.diagnosis.evidence import _bent_at_top, _channels_restored, _leftover_noise_v
+from ertskin.diagnosis.evidence import (
+    _bent_at_top,
+    _channels_restored,
+    _freedom,
+    _leftover_noise_v,
+    _presses_restored,
+)
 from physics.protocol import Protocol, electrode_pairs
 from physics.spikes import despiked
 
@@ -64,3 +70,27 @@ def test_a_converter_that_bends_is_seen_and_a_straight_one_is_not(protocol: Prot
     bent = np.where(voltage > knee, knee + 0.2 * (voltage - knee), voltage)
     _, fitted, spike = split(protocol, bent)
     assert _bent_at_top(bent, fitted, spike)
+
+
+def test_what_only_presses_show_is_no_spike(protocol: Protocol) -> None:
+    voltage = readings(protocol, 3)
+    rest = np.arange(FRAMES) < 3
+    moving = np.linspace(0, 1, voltage.shape[1])[:, None] ** 4 * 60 * NOISE_V
+    voltage[~rest] += moving
+    scan, spike = despiked(protocol, voltage)
+    assert spike[~rest].mean() > 2e-3
+    assert not _presses_restored(protocol, voltage, scan, spike, rest)[1].any()
+    anywhere = readings(protocol, 4)
+    anywhere[np.random.default_rng(4).random(anywhere.shape) < 0.01] += 1.0
+    scan, spike = despiked(protocol, anywhere)
+    assert np.array_equal(_presses_restored(protocol, anywhere, scan, spike, rest)[1], spike)
+
+
+def test_a_dead_channel_leaves_the_noise_as_it_is(protocol: Protocol) -> None:
+    voltage = readings(protocol, 5)
+    voltage[..., 7] = np.nan
+    _, fitted, spike = split(protocol, voltage)
+    assert spike[..., 7].all()
+    freedom = _freedom(protocol, np.isfinite(voltage).all(axis=0))
+    leftover = np.where(spike, 0.0, voltage - fitted) / np.sqrt(np.maximum(freedom, 0.05))
+    assert _leftover_noise_v(leftover, spike, np.ones(FRAMES, dtype=bool)) == pytest.approx(NOISE_V, rel=0.02)

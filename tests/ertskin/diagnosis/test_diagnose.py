@@ -1,0 +1,39 @@
+"""A whole skin diagnosed: recordings by the bench, whose physics shares nothing with the model's."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from ertskin.diagnosis.any_recording import diagnose_any
+from ertskin.diagnosis.claims import Diagnosis
+from hardware.recording import read_recording
+from hardware.virtual.bench import FAST, write_bench
+
+
+def diagnosed(folder: Path, hidden: dict[str, float], seed: int) -> Diagnosis:
+    path = folder / "hidden.h5"
+    write_bench(path, "quick", hidden, seed=seed, resolution=FAST)
+    return diagnose_any(read_recording(path), path.name, lambda share, text: None, "fast").diagnosis
+
+
+@pytest.mark.timeout(300)
+def test_nothing_is_named_where_nothing_was_left_out(tmp_path: Path) -> None:
+    found = diagnosed(tmp_path, {}, seed=5)
+    assert found.verdict == "no_mismatch"
+    assert not found.claims
+    assert found.held_out.ratio_before == pytest.approx(1.0, abs=0.05)
+
+
+@pytest.mark.timeout(300)
+@pytest.mark.parametrize("name", ["piezo_hysteresis", "crosstalk"])
+def test_what_was_left_out_is_named_and_predicts(tmp_path: Path, name: str) -> None:
+    found = diagnosed(tmp_path, {name: 1.0}, seed=6)
+    assert found.claims[0].effect.name == name
+    assert found.claims[0].confidence > 0.8
+    before, after = found.held_out.ratio_before, found.held_out.ratio_after
+    assert before is not None
+    assert after is not None
+    assert before > 1.2
+    assert after < 1 + 0.2 * (before - 1)
