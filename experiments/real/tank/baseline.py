@@ -5,16 +5,16 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ertskin.diagnosis.inclusions import RIDGE, Imaging, InclusionMap, reading_variance
+from ertskin.diagnosis.inclusions import RIDGE, Imaging, InclusionMap, bend, reading_variance
 from physics.calibration.scan_space import ScanSpace
 
 Array = NDArray[np.float64]
 
-WEIGHTS = 10.0 ** np.arange(-3, 7.1, 0.5)
+WEIGHTS = 10.0 ** np.arange(7, -3.1, -0.5)
 
 
 def one_step(imaging: Imaging, voltage_v: Array, variance_v2: Array | None = None) -> InclusionMap:
-    """Map of a scan (K,M); the weight of the smoothness by generalised cross-validation."""
+    """Map of a scan (K,M); the weight of the smoothness where the L-curve bends."""
     change = voltage_v - imaging.empty_v
     variance = reading_variance(imaging.protocol, change) if variance_v2 is None else variance_v2
     space = ScanSpace.of(imaging.protocol, 1.0 / variance)
@@ -25,12 +25,13 @@ def one_step(imaging: Imaging, voltage_v: Array, variance_v2: Array | None = Non
     left, size, right = np.linalg.svd(np.linalg.solve(root, jacobian.T).T, full_matrices=False)
     along = left.T @ measured
     outside = float(measured @ measured - along @ along)
-    grid, scores, maps = (imaging.hats, imaging.inside), [], []
+    maps = []
     for weight in WEIGHTS:
         kept = size**2 / (size**2 + weight)
         misfit = float(outside + (((1 - kept) * along) ** 2).sum())
         log_ratio = np.linalg.solve(root.T, right.T @ (kept / size * along))
         variation = float(log_ratio @ rough @ log_ratio)
-        scores.append(misfit / (len(measured) - kept.sum()) ** 2)
-        maps.append(InclusionMap(*grid, log_ratio, float(weight), misfit, variation, len(measured)))
-    return maps[int(np.argmin(scores))]
+        maps.append(
+            InclusionMap(imaging.hats, imaging.inside, log_ratio, float(weight), misfit, variation, len(measured))
+        )
+    return bend(maps)

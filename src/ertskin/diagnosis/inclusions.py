@@ -141,14 +141,20 @@ class Imaging:
 
 
 def bend(path: Iterable[InclusionMap]) -> InclusionMap:
-    """The map where the L-curve of maps ever rougher bends first: the product of misfit and variation is least."""
+    """Of maps ever rougher, the one where the L-curve bends: the product of misfit and variation is least.
+
+    From an empty map the product rises first; from where it falls on, its first minimum counts. Without one nothing
+    but noise is seen, and the smoothest map is the answer.
+    """
     maps = iter(path)
-    best = next(maps)
+    first = best = next(maps)
+    fell = False
     for one in maps:
-        if one.misfit * one.variation > best.misfit * best.variation:
-            break
-        best = one
-    return best
+        falls = one.misfit * one.variation < best.misfit * best.variation
+        if fell and not falls:
+            return best
+        best, fell = one, falls
+    return best if fell else first
 
 
 def reading_variance(protocol: Protocol, change_v: Array) -> Array:

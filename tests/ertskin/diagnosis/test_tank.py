@@ -7,8 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ertskin.diagnosis.inclusions import Imaging, InclusionMap
+from ertskin.diagnosis.inclusions import Imaging, InclusionMap, bend
 from ertskin.diagnosis.report import page
+from ertskin.diagnosis.sensitivity import Hats
 from ertskin.diagnosis.standing_error import column_errors, corrected, electrode_errors, rms_v
 from ertskin.diagnosis.tank import diagnose_tank
 from hardware.measurement import Frames, Recording
@@ -20,6 +21,7 @@ from physics.sensor import Sensor
 
 ELECTRODES, RADIUS_M, NOISE_V = 16, 0.1, 1e-4
 RESISTIVE_M, CONDUCTIVE_M, SIZE_M = np.array([-0.04, 0.02]), np.array([0.045, -0.01]), 0.025
+GRID = Hats(np.zeros(2), np.ones(2), 1.0)
 
 
 def tank() -> Sensor:
@@ -121,6 +123,21 @@ def correlation(found: InclusionMap) -> float:
     truth = (np.linalg.norm(place - CONDUCTIVE_M, axis=1) < SIZE_M) * 1.0
     truth -= np.linalg.norm(place - RESISTIVE_M, axis=1) < SIZE_M
     return float(np.corrcoef(found.at(place), truth)[0, 1])
+
+
+@pytest.mark.parametrize(
+    ("misfits", "variations", "chosen"),
+    [
+        ([100, 50, 10, 9], [10, 11, 12, 20], 2),
+        ([100, 95, 20, 10, 9], [0, 1, 3, 4, 9], 3),
+        ([100, 99, 98], [0, 5, 20], 0),
+    ],
+    ids=["a bend", "from an empty map", "nothing but noise"],
+)
+def test_the_bend_of_the_curve(misfits: list[float], variations: list[float], chosen: int):
+    pairs = zip(misfits, variations, strict=True)
+    maps = [InclusionMap(GRID, np.ones(4, dtype=bool), np.zeros(4), 1.0, m, v, 9) for m, v in pairs]
+    assert bend(maps) is maps[chosen]
 
 
 def test_a_diagnosis_names_the_electrode_and_shows_it(scans: np.ndarray):
