@@ -20,7 +20,8 @@ def diagnose_any(
         from ertskin.diagnosis.coupon import diagnose_coupon
 
         return diagnose_coupon(recording.coupon, name)
-    if recording.frames is not None and recording.sensor is not None and recording.specimen is None:
+    pressed = recording.frames is not None and bool(recording.frames.history.touched.any())
+    if recording.frames is not None and recording.sensor is not None and recording.specimen is None and not pressed:
         from ertskin.diagnosis.tank import diagnose_tank
 
         return diagnose_tank(recording, name)

@@ -34,6 +34,7 @@ from ertskin.diagnosis.selection import Chosen, Selection, select
 from ertskin.diagnosis.skin_family import SHAPE, Calibration, SkinFamily
 from ertskin.diagnosis.voltage_fit import Solved, Term, VoltageProblem
 from hardware.recording import Recording
+from physics.conduction.mesh import MeshError
 from physics.effects.adc_saturation import AdcSaturation
 from physics.effects.contact_drift import ContactDrift
 from physics.effects.effect import Effect, ElectrodeEffect, Stage
@@ -88,9 +89,13 @@ def diagnose(
     """
     try:
         return _diagnose(recording, name, report, resolution, selector)
-    except CannotTell as reason:
-        held = HeldOut("none", None, None, None, None)
-        return Findings(Diagnosis(name, "cannot_tell", held, reason=str(reason)))
+    except CannotTell as error:
+        reason = str(error)
+    except np.linalg.LinAlgError:
+        reason = "no sheet with contacts gives such readings: check wiring, injected currents and units"
+    except MeshError as error:
+        reason = f"the sheet can't be meshed: {error}"
+    return Findings(Diagnosis(name, "cannot_tell", HeldOut("none", None, None, None, None), reason=reason))
 
 
 def _diagnose(recording: Recording, name: str, report: Report, resolution: str, selector: Selector) -> Findings:

@@ -180,7 +180,7 @@ def _presses_restored(
     rate = (spike & there).mean(axis=(1, 2))
     usual = float(rate[rest].mean())
     odd = rate > usual + 5 * np.sqrt(usual / spike[0].size) + LEAST_ODD
-    if odd[~rest].mean() < STANDING or odd[rest].mean() > 0.25 * odd[~rest].mean():
+    if rest.all() or odd[~rest].mean() < STANDING or odd[rest].mean() > 0.25 * odd[~rest].mean():
         return scan, spike
     scan, spike = scan.copy(), spike.copy()
     scan[odd], spike[odd] = despiked(protocol, voltage[odd], threshold=np.inf)

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from ertskin.diagnosis.backprojection import backprojected
 from ertskin.diagnosis.claims import Claim, Diagnosis, gathered
 from ertskin.diagnosis.diagnose import Findings
 from ertskin.diagnosis.drawn import Drawing, DrawnFindings
@@ -132,6 +133,13 @@ def _figures(findings: Findings) -> Iterator[Drawing]:
         "Rms residual of held-out presses in units of the noise, by place (the paper's Fig. 8a), before and after.",
         lambda: _places(findings),
     )
+    if findings.selection is not None:
+        yield (
+            "Where the sheet would have to differ",
+            "The mean misfit of held-out frames before, projected back on the resting sheet: the relative change of "
+            "conductance that would explain it best, at rest and under presses. Dots: electrodes.",
+            lambda: _projected(findings),
+        )
     yield (
         "Misfit against force",
         "The same against the contact force (the paper's Fig. 8b), loading and unloading apart.",
@@ -189,6 +197,30 @@ def _places(findings: Findings) -> Figure:
         axis.scatter(*(1e3 * findings.evidence.sensor.electrode_center_m.T), s=6, c="k")
         axis.set(title=title, xlabel="x (mm)", ylabel="y (mm)", aspect="equal")
     figure.colorbar(dots, ax=axes, label="misfit over noise")
+    return figure
+
+
+def _projected(findings: Findings) -> Figure:
+    figure, axes = _canvas(2)
+    assert findings.evidence is not None
+    assert findings.held is not None
+    assert findings.selection is not None
+    assert findings.residual_before is not None
+    linear = findings.selection.problem.linear
+    touched = findings.evidence.history[findings.held].touched.any(axis=1)
+    for axis, rows, title in zip(axes, (~touched, touched), ("at rest", "under presses"), strict=True):
+        axis.set(title=title, xlabel="x (mm)", ylabel="y (mm)", aspect="equal")
+        if not rows.any():
+            continue
+        node_m, change = backprojected(linear, findings.residual_before[rows], findings.evidence.noise_v)
+        shape = tuple(len(a) for a in reversed(linear.sheet_hats.axes))
+        top = max(100 * float(np.abs(change).max()), 1e-3)
+        x, y = (1e3 * node_m[:, k].reshape(shape) for k in range(2))
+        image = axis.pcolormesh(
+            x, y, 100 * change.reshape(shape), vmin=-top, vmax=top, cmap="RdBu_r", shading="gouraud"
+        )
+        axis.scatter(*(1e3 * findings.evidence.sensor.electrode_center_m.T), s=6, c="k")
+        figure.colorbar(image, ax=axis, label="change of conductance (%)")
     return figure
 
 
