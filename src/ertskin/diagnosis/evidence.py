@@ -22,6 +22,8 @@ TOP = 3e-3
 """Part of the readings among which a converter that bends is looked for."""
 LEAST_ODD = 1e-3
 """Part of a frame's readings, taken for spikes beyond the usual, from which the frame is odd."""
+LEAST_SIGNAL = 5.0
+"""Times the noise that the resting scan's numbers must have."""
 FEWEST_RESTS = 4
 LEAST_FREEDOM = 0.05
 """Readings that a network follows more closely than this say nothing about the noise."""
@@ -120,6 +122,9 @@ def gather(recording: Recording) -> Evidence:
     quantum = (protocol.adc_volts_per_count or 0.0) / np.sqrt(12)
     if not core > 0:
         raise CannotTell("the readings don't vary: no noise to measure a misfit against")
+    resting = np.nanmean(scan[rest & (spike.mean(axis=(1, 2)) < 0.5)], axis=0)
+    if not np.sqrt((resting**2).mean()) > LEAST_SIGNAL * core:
+        raise CannotTell("the readings at rest are hardly more than noise: check wiring, injected currents and units")
     force = history.force_n[rest]
     air = float(np.nanstd(force)) if np.isfinite(force).sum() > 3 else float("nan")
     missing = spike.mean(axis=(1, 2)) < 0.5

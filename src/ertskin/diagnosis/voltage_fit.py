@@ -20,6 +20,8 @@ from physics.skin import Skin
 
 Array = NDArray[np.float64]
 
+LEAST_OHM, MOST_OHM = 1e-2, 1e9
+"""Between which a sheet's and a contact's resistance are looked for."""
 RATIO_PRIOR = 1.0
 SHAPE_PRIOR = 0.3
 HIGHER_PRIOR = 0.02
@@ -275,6 +277,8 @@ class _Layout:
 
     def bounds(self, x: Array) -> tuple[Array, Array]:
         low, high = np.full(len(x), -np.inf), np.full(len(x), np.inf)
+        low[: self.calibration - SHAPE - 1] = np.log(LEAST_OHM)
+        high[: self.calibration - SHAPE - 1] = np.log(MOST_OHM)
         ratio = self.calibration - SHAPE - 1
         low[ratio], high[ratio] = -WIDEST_RATIO, WIDEST_RATIO
         for k in range(self.calibration, len(x)):
