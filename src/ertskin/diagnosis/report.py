@@ -102,7 +102,7 @@ def _claims(claims: tuple[Claim, ...]) -> str:
         )
     head = "<tr><th>effect</th><th>confidence</th><th>misfit without it</th><th>parameters, 90 %</th><th>else</th></tr>"
     sources = "".join(
-        f"<li>{c.effect.name}: {html.escape((type(c.effect).__doc__ or '').splitlines()[0])} "
+        f"<li>{c.effect.name}: {html.escape((type(c.effect).__doc__ or '').splitlines()[0].replace('``', ''))} "
         f"<i>{html.escape(c.effect.source)}</i></li>"
         for c, _ in gathered(claims)
     )
