@@ -26,7 +26,7 @@ def maps_figure(
         place, there = truths[frame]
         for axis, name in zip(row, names, strict=True):
             image = draw_map(axis, sensor, mine[name])
-            axis.tricontour(*1e3 * place[::7].T, there[::7], levels=[-0.5, 0.5], colors="k", linewidths=0.9)
+            axis.tricontour(*1e3 * place[::3].T, there[::3], levels=[-0.5, 0.5], colors="k", linewidths=0.9)
             axis.set_title(f"frame {frame}\n{name}", fontsize=8)
     ticks = (0.1, 0.3, 1, 3, 10)
     bar = figure.colorbar(image, ax=axes.ravel().tolist(), label="conductivity over the empty tank's", shrink=0.6)
@@ -46,5 +46,5 @@ def curve_figure(path: dict[int, list[dict[str, Any]]], chosen: list[float]) -> 
         right.axvline(weight, color=line.get_color(), lw=0.8, ls=":")
     left.set(xlabel="total variation", ylabel="misfit")
     left.legend()
-    right.set(xlabel="weight of the variation (dotted: chosen by the readings)", ylabel="correlation with the truth")
+    right.set(xlabel="weight (dotted: chosen by the readings)", ylabel="correlation with the truth")
     return figure

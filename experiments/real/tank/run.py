@@ -21,7 +21,7 @@ from figures import curve_figure, maps_figure
 from numpy.typing import NDArray
 
 from ertskin.diagnosis.inclusions import Imaging, InclusionMap, bend
-from ertskin.diagnosis.standing_error import column_errors, corrected, electrode_errors, rms_v
+from ertskin.diagnosis.standing_error import column_errors, corrected, electrode_errors, network_basis, rms_v
 from ertskin.diagnosis.tank import noise_v
 from ertskin.diagnosis.tank_drawing import electrode_figure
 from ertskin.report.figures.image import save_png
@@ -88,10 +88,20 @@ def electrodes(protocol: Protocol, voltage_v: Array) -> dict[str, Any]:
                 "rms_v": errors.rms_v.tolist(),
                 "ratio_before": rms_v(protocol, scan) / noise,
                 "ratio_after": rms_v(protocol, mended) / noise,
+                "unexplained_v": rms_v(protocol, scan),
+                "unexplained_beside_offsets_v": beside_offsets_v(protocol, scan),
                 "columns": [vars(c) for e in errors.named for c in column_errors(protocol, scan, e)],
             }
         )
     return found
+
+
+def beside_offsets_v(protocol: Protocol, scan_v: Array) -> float:
+    """Rms in volt, per degree of freedom, of what neither a network nor an offset of every column explains."""
+    offsets = np.tile(np.eye(protocol.shape[1]), (protocol.shape[0], 1))
+    known = np.linalg.qr(np.column_stack([network_basis(protocol), offsets]))[0]
+    left = scan_v.ravel() - known @ (known.T @ scan_v.ravel())
+    return float(np.sqrt((left**2).sum() / (left.size - known.shape[1])))
 
 
 def nulls(protocol: Protocol, scan_v: Array) -> dict[str, float]:
