@@ -89,9 +89,3 @@ def test_a_memory_from_others_predicts_a_stiffer_coupon(study):
     force_n = memory([fifth], [fifth.fast])(fifth)
     assert fifth.rmse_n(force_n, fifth.slow) < 0.03
     assert fifth.rmse_n(forms.elastic_fit([fifth], [fifth.fast])(fifth), fifth.slow) > 0.1
-
-
-def test_a_stiffness_is_fitted_to_the_fast_cycles(study):
-    run, _, specimen = study
-    one = made_up(specimen, 0.3)
-    np.testing.assert_allclose(run.rescaled(3 * one.test.force_n, one), one.test.force_n)

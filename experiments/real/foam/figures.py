@@ -7,8 +7,9 @@ from forms import recorded
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from ertskin.diagnosis.claims import Claim
+from ertskin.diagnosis.claims import QUANTILE
 from ertskin.diagnosis.compression import Compression
+from ertskin.diagnosis.coupon_fit import CouponModel
 from hardware.measurement import Coupon
 
 Array = NDArray[np.float64]
@@ -54,21 +55,20 @@ def dwell_figure(coupon: Coupon, test: Compression) -> Figure:
     return figure
 
 
-def parameter_figure(claims: list[tuple[Claim, ...]]) -> Figure:
-    """Every parameter with its 90 % interval, coupon by coupon."""
-    names = [(c.effect.name, key) for c in max(claims, key=len) for key in c.parameters]
+def parameter_figure(models: list[CouponModel]) -> Figure:
+    """Every parameter fitted with its 90 % interval, coupon by coupon."""
+    first = models[0]
+    names = [(e, key) for e in range(len(first.effects)) for key in first.effects[e].values()]
+    names = [(e, key) for e, key in names if np.isfinite(first.error(first.effects[e], key))]
     figure = Figure(figsize=(13, 5.2), layout="constrained")
     axes = figure.subplots(2, -(-len(names) // 2)).ravel()
-    for axis, (name, key) in zip(axes, names, strict=False):
-        for k, mine in enumerate(claims):
-            for claim in mine:
-                if claim.effect.name == name:
-                    e = claim.parameters[key]
-                    axis.plot([k + 1] * 2, [e.low, e.high], "tab:red", lw=2)
-                    axis.plot(k + 1, e.value, "k.")
-                    axis.set_ylabel(f"{key} ({e.unit})")
-        axis.set(title=name, xlabel="coupon")
-        axis.set_ylim(0, 1.05 * axis.dataLim.y1)
+    for axis, (e, key) in zip(axes, names, strict=False):
+        for number, model in enumerate(models, start=1):
+            value = getattr(model.effects[e], key)
+            axis.errorbar(number, value, QUANTILE * model.error(model.effects[e], key), color="tab:red", marker=".")
+        unit = first.effects[e].parameters()[key].unit
+        axis.set(title=first.effects[e].name, xlabel="coupon", ylabel=f"{key} ({unit})")
+        axis.set_ylim(bottom=0)
     for axis in axes[len(names) :]:
         axis.remove()
     return figure

@@ -19,7 +19,8 @@ from forms import FORMS, OURS, PlainFit, elastic_fit
 from numpy.typing import NDArray
 from specimen import Fit, Specimen
 
-from ertskin.diagnosis.coupon import diagnose_coupon
+from ertskin.diagnosis.coupon import FORM, HELD
+from ertskin.diagnosis.coupon_fit import fit_coupon
 from ertskin.report.figures.image import save_png
 
 Array = NDArray[np.float64]
@@ -48,8 +49,8 @@ def main() -> None:
     drawn = {ELASTIC: "tab:gray", PLAIN: "tab:orange", OURS: "tab:red"}
     save_png(slow_figure([s.test for s in specimens], predictions, drawn), out / "slow.png")
     save_png(dwell_figure(specimens[0].coupon, specimens[0].test), out / "dwell.png")
-    claims = [diagnose_coupon(s.coupon, str(n)).diagnosis.claims for n, s in zip(NUMBERS, specimens, strict=True)]
-    save_png(parameter_figure(claims), out / "parameters.png")
+    models = [fit_coupon([s.test], [s.fast], FORM, HELD) for s in specimens]
+    save_png(parameter_figure(models), out / "parameters.png")
     print(table(results))
 
 
@@ -90,8 +91,7 @@ def chosen(forms: dict[str, Any], judge: Any) -> dict[str, Any]:
 def left_out(specimens: list[Specimen], names: list[str]) -> dict[str, Any]:
     """What four specimens' whole tests say about the fifth; ``names``: the form each four chose.
 
-    Everything from the four; their curve and memory, and one number for the fifth's stiffness from its fast cycles;
-    their memory alone, and the fifth's elastic curve from its fast cycles.
+    Either everything is taken from the four, or their memory alone, and the elastic curve from the fifth's fast cycles.
     """
     results: dict[str, Any] = {}
     for k, fifth in enumerate(specimens):
@@ -100,8 +100,6 @@ def left_out(specimens: list[Specimen], names: list[str]) -> dict[str, Any]:
         form = FORMS[names[k]]
         shared = {ELASTIC: elastic_fit(others, rows), PLAIN: PlainFit()(others, rows), CHOSEN: form(others, rows)}
         forces = {f"{name}, all from the four": predict(fifth) for name, predict in shared.items()}
-        for name in (ELASTIC, CHOSEN):
-            forces[f"{name}, its own stiffness"] = rescaled(forces[f"{name}, all from the four"], fifth)
         forces[f"{ELASTIC}, its own curve"] = elastic_fit([fifth], [fifth.fast])(fifth)
         forces[f"{CHOSEN}, its own curve"] = form.remembering(others, rows)([fifth], [fifth.fast])(fifth)
         for name, force in forces.items():
@@ -110,12 +108,6 @@ def left_out(specimens: list[Specimen], names: list[str]) -> dict[str, Any]:
             row["fast_n"].append(fifth.rmse_n(force, fifth.fast))
         print(f"coupon {NUMBERS[k]} from the others: " + ", ".join(f"{r['slow_n'][-1]:.3f}" for r in results.values()))
     return results
-
-
-def rescaled(force_n: Array, specimen: Specimen) -> Array:
-    """A prediction (N,) times the factor that suits the specimen's fast cycles best."""
-    said, measured = force_n[specimen.fast], specimen.test.force_n[specimen.fast]
-    return np.asarray(force_n * (said @ measured) / (said @ said))
 
 
 def table(results: dict[str, Any]) -> str:
