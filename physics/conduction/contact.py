@@ -7,6 +7,7 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_array
 
 from physics.conduction.mesh import SheetMesh
 from physics.conduction.triangle import Space, edge_mass, triangle_mass
@@ -51,3 +52,8 @@ class Contact:
         mass = np.zeros((len(self.nodes), len(self.nodes)))
         np.add.at(mass, (local[:, :, None], local[:, None, :]), self.cell_mass)
         return mass
+
+    @cached_property
+    def sparse_mass(self) -> csr_array:
+        """``mass`` without its zeros."""
+        return csr_array(self.mass)

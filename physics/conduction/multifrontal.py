@@ -170,7 +170,9 @@ class FrontalFactor:
     def potentials(self) -> Array:
         """(N,L) potentials in the sheet for unit potential on each electrode in turn."""
         electrodes = self.fronts.electrodes
-        return self._back(np.concatenate([np.zeros((self.fronts.unknowns, electrodes)), np.eye(electrodes)]))
+        solved = np.zeros((self.fronts.unknowns + electrodes, electrodes))
+        solved[self.fronts.unknowns :] = np.eye(electrodes)
+        return self._back(solved)
 
     def solve(self, right: Array) -> Array:
         """(N,k) potentials for currents (N,k) into the sheet's nodes, every electrode at zero."""

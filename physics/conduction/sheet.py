@@ -176,7 +176,7 @@ class SheetModel:
         for k, contact in enumerate(self.contacts):
             drop = potential[contact.nodes]
             drop[:, k] -= 1.0
-            losses[k] = drop.T @ contact.mass @ drop
+            losses[k] = drop.T @ (contact.sparse_mass @ drop)
         return losses
 
     def contact_response(self, conductivity_s: Array, contact_resistance_ohm: Array, load: Array) -> Array:
