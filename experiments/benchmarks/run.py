@@ -38,9 +38,9 @@ def measure(small: bool, only: list[str] | None) -> Iterator[tuple[str, Any]]:
     turns = 5 if small else 15
     pairs = 400 if small else 32_400
     sizes = (2_500, 10_000) if small else (2_500, 10_000, 40_000)
-    cores = os.cpu_count() or 1
+    cores = len(os.sched_getaffinity(0))
     sections = {
-        "machine": lambda: machine(cores),
+        "machine": lambda: machine(),
         "frame": lambda: [told(single_frame.frame(n, turns, with_pyeit=n <= 10_000)) for n in sizes],
         "jacobian": lambda: [told(single_frame.jacobian(n, max(3, turns // 3))) for n in sizes[:2]],
         "electrodes": lambda: [
@@ -50,10 +50,8 @@ def measure(small: bool, only: list[str] | None) -> Iterator[tuple[str, Any]]:
         "trials": lambda: [told(trials.run(pairs, cores, mesh)) for mesh in ("fast", "fine")],
         "neighbours": lambda: told(trials.neighbours(cores)),
         "contact_fit": lambda: told(contact_fit.run("fast", turns)),
-        "training": lambda: {
-            "loops": told(training.loops(training.material(pairs, cores), 1 if small else 3, 3 if small else 5)),
-            "full": told(training.full(training.material(pairs, cores), cores)),
-        },
+        "loops": lambda: told(training.loops(training.material(pairs, cores), 1 if small else 3, 3 if small else 5)),
+        "training": lambda: told(training.full(training.material(pairs, cores), cores)),
         "cluster": lambda: told(cluster.run(Plan(trials=pairs, denoiser_trials=0), turns=1)),
     }
     for name, section in sections.items():
@@ -61,11 +59,11 @@ def measure(small: bool, only: list[str] | None) -> Iterator[tuple[str, Any]]:
             yield name, section()
 
 
-def machine(cores: int) -> dict:
+def machine() -> dict:
     """What it ran on."""
     return {
         "processor": processor(),
-        "cores": cores,
+        "cores": os.cpu_count(),
         "python": platform.python_version(),
         "packages": {name: version(name) for name in PACKAGES},
         "commit": commit(),
@@ -106,7 +104,7 @@ def draw(results: dict, path: Path) -> None:
         rows = [row for row in results["frame"] if name in row]
         left.loglog([row["nodes"] for row in rows], [row[name]["ms"] for row in rows], "o-", label=name)
     left.set(xlabel="nodes", ylabel="ms a frame, one thread", title="24 electrodes, 6,624 readings")
-    left.legend()
+    left.legend(loc="lower right")
     for name in ("ertskin", "SciPy, factor once"):
         right.loglog(
             [row["electrodes"] for row in results["electrodes"]],
