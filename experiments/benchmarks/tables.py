@@ -115,8 +115,8 @@ def contact_table(row: Row) -> Iterator[str]:
             ["direct search, on a reduction", f"{row['direct_search_s']:.1f}", f"{row['direct_search_solutions']:,}"],
         ],
     )
-    yield f"{row['unknowns']:,} unknowns, load {row['load']:.1f}. Ratio of CPU times: {row['ratio_cpu']:.0f} to the search"
-    yield f"on a reduction, {row['ratio_without_reduction']:.0f} to one that solves the mesh each time (reckoned from"
+    yield f"{row['unknowns']:,} unknowns, load {row['load']:.1f}. Ratio of CPU times: {row['ratio_cpu']:.0f} to the"
+    yield f"search on a reduction, {row['ratio_without_reduction']:.0f} to one that solves the mesh each time (reckoned from"
     yield f"one solution). The optima differ by {row['gap_standard_errors']:.3f} of a standard error at most."
 
 
