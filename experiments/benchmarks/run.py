@@ -40,7 +40,7 @@ def measure(small: bool, only: list[str] | None) -> Iterator[tuple[str, Any]]:
     sizes = (2_500, 10_000) if small else (2_500, 10_000, 40_000)
     cores = len(os.sched_getaffinity(0))
     sections = {
-        "machine": lambda: machine(),
+        "machine": machine,
         "frame": lambda: [told(single_frame.frame(n, turns, with_pyeit=n <= 10_000)) for n in sizes],
         "jacobian": lambda: [told(single_frame.jacobian(n, max(3, turns // 3))) for n in sizes[:2]],
         "electrodes": lambda: [
@@ -104,7 +104,7 @@ def draw(results: dict, path: Path) -> None:
         rows = [row for row in results["frame"] if name in row]
         left.loglog([row["nodes"] for row in rows], [row[name]["ms"] for row in rows], "o-", label=name)
     left.set(xlabel="nodes", ylabel="ms a frame, one thread", title="24 electrodes, 6,624 readings")
-    left.legend(loc="lower right")
+    left.legend(loc="upper right", fontsize="small")
     for name in ("ertskin", "SciPy, factor once"):
         right.loglog(
             [row["electrodes"] for row in results["electrodes"]],

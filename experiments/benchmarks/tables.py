@@ -116,8 +116,8 @@ def contact_table(row: Row) -> Iterator[str]:
         ],
     )
     yield f"{row['unknowns']:,} unknowns, load {row['load']:.1f}. Ratio of CPU times: {row['ratio_cpu']:.0f} to the"
-    yield f"search on a reduction, {row['ratio_without_reduction']:.0f} to one that solves the mesh each time (reckoned from"
-    yield f"one solution). The optima differ by {row['gap_standard_errors']:.3f} of a standard error at most."
+    yield f"search on a reduction, {row['ratio_without_reduction']:.0f} to one that solves the mesh each time (reckoned"
+    yield f"from one solution). The optima differ by {row['gap_standard_errors']:.3f} of a standard error at most."
 
 
 def loop_table(row: Row) -> Iterator[str]:
