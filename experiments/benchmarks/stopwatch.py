@@ -7,6 +7,8 @@ from collections.abc import Callable
 
 import numpy as np
 
+LEAST_S = 0.05
+
 
 class Stopwatch:
     """Seconds on the wall, and of CPU over all threads, between entering and leaving."""
@@ -21,18 +23,25 @@ class Stopwatch:
 
 
 def paired_seconds(jobs: dict[str, Callable[[], object]], turns: int) -> dict[str, list[float]]:
-    """CPU seconds of each job in each turn, after one turn that doesn't count.
+    """CPU seconds of each job in each turn, after a warm-up that doesn't count.
 
-    CPU time, on one thread: it doesn't rise when other programs share the machine as much as the clock on the wall.
+    CPU time, on one thread: it doesn't rise when other programs share the machine as much as the clock on the wall. A
+    job of milliseconds is repeated within its turn for ``LEAST_S``, the mean counts: once after a job of seconds it
+    would pay for the caches that one took.
     """
-    for job in jobs.values():
+    repeats = {}
+    for name, job in jobs.items():
         job()
+        start = time.process_time()
+        job()
+        repeats[name] = max(1, int(np.ceil(LEAST_S / max(time.process_time() - start, 1e-6))))
     seconds: dict[str, list[float]] = {name: [] for name in jobs}
     for _ in range(turns):
         for name, job in jobs.items():
             start = time.process_time()
-            job()
-            seconds[name].append(time.process_time() - start)
+            for _ in range(repeats[name]):
+                job()
+            seconds[name].append((time.process_time() - start) / repeats[name])
     return seconds
 
 

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from physics.calibration.contact_reduction import ContactReduction
 from physics.calibration.scan_space import ScanSpace
-from physics.conduction.sheet import SheetModel
+from physics.conduction.sheet import SheetModel, Solution
 from physics.protocol import Protocol
 
 Array = NDArray[np.float64]
@@ -112,6 +112,12 @@ class ContactProblem:
         """Coordinates of the readings in which misfits are measured."""
         return ScanSpace.of(self.protocol, self.weight)
 
+    @cached_property
+    def _guessed(self) -> Solution:
+        """At the guesses: fits change the contacts and scale everything, and the sheet need not be eliminated again."""
+        guess = np.broadcast_to(self.guess_ohm, (self.model.electrodes,))
+        return self.model.solve(self.model.uniform(self.sheet_resistance_ohm_sq), guess)
+
     def reading_rms(self, pair_resistance_ohm: Array) -> float:
         """Rms over all readings of measured less simulated, in volt (eq. 5 over the square root of their number)."""
         return float(np.sqrt(np.mean((self.voltage_v - self.protocol.readings(pair_resistance_ohm)) ** 2)))
@@ -122,8 +128,9 @@ class ContactProblem:
         Resistances scale together: the sheet's derivative follows from the contacts' (Euler's theorem).
         """
         contact, sheet = self.split(logs)
-        solution = self.model.solve(self.model.uniform(sheet), contact)
-        pairs = solution.pair_resistance_ohm
+        scale = sheet / self.sheet_resistance_ohm_sq
+        solution = self.model.solve_contacts(contact / scale, self._guessed)
+        pairs = scale * solution.pair_resistance_ohm
         by_log = solution.jacobian_contact_resistance() * contact
         if self.fit_sheet:
             by_log = np.column_stack([by_log, pairs - by_log.sum(axis=1)])

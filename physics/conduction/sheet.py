@@ -148,6 +148,23 @@ class SheetModel:
         elements = np.flatnonzero(changed.any(axis=1))
         return self.solve_part(elements, conductivity[elements], base)
 
+    def solve_contacts(self, contact_resistance_ohm: Array, base: Solution) -> Solution:
+        """``solve`` with the conductivity of ``base`` and other contact resistances (L,): only the pads' fronts again.
+
+        Raises ``ValueError`` for resistances that aren't positive.
+        """
+        resistance = np.broadcast_to(np.asarray(contact_resistance_ohm, dtype=float), (self.electrodes,))
+        if not (resistance > 0).all():
+            raise ValueError("contact resistances must be positive")
+        base = base if base.origin is None else base.origin
+        if np.array_equal(resistance, base.contact_resistance_ohm):
+            return base
+        change = (1.0 / resistance - 1.0 / base.contact_resistance_ohm) / self.electrode_size
+        value = base.entries + self._contact_map @ change
+        dirty = self.fronts.affected(np.flatnonzero(np.diff(self._contact_map.indptr)))
+        factor = self.fronts.refactor(value, dirty, base.factor)
+        return Solution(self, base.given_s[:0], resistance, value, factor, base, np.zeros(0, dtype=np.intp))
+
     def solve_part(self, elements: Indices, conductivity_s: Array, base: Solution) -> Solution:
         """``solve_again`` where it is known that only ``elements`` (n,), each named once, have another conductivity.
 

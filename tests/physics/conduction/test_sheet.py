@@ -166,3 +166,16 @@ def test_bad_input_is_refused(model: SheetModel, wave: np.ndarray) -> None:
         model.solve_again(wave[..., None] * [1.0, 0.0, 1.0], model.solve(wave, CONTACT))
     with pytest.raises(KeyError):
         SheetModel(small_sheet(), "coarsest")
+
+
+def test_other_contacts_on_the_same_sheet_are_solved_as_anew(model: SheetModel, wave: np.ndarray) -> None:
+    base = model.solve(wave, CONTACT)
+    other = CONTACT * np.array([0.2, 3.0, 1.0, 0.9, 40.0])
+    anew, again = model.solve(wave, other), model.solve_contacts(other, base)
+    np.testing.assert_allclose(again.pair_resistance_ohm, anew.pair_resistance_ohm, rtol=1e-11)
+    np.testing.assert_allclose(again.potential, anew.potential, atol=1e-11)
+    slope = anew.jacobian_contact_resistance()
+    np.testing.assert_allclose(again.jacobian_contact_resistance(), slope, atol=1e-10 * np.abs(slope).max())
+    assert model.solve_contacts(CONTACT, base) is base
+    with pytest.raises(ValueError, match="positive"):
+        model.solve_contacts(-CONTACT, base)
