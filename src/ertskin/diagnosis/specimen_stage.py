@@ -77,12 +77,23 @@ def specimen_findings(test: SpecimenTest) -> tuple[list[SpecimenFinding], float]
         best = int(np.argmax(gains))
         if gains[best] < SIGNIFICANT or _rms(residual) < MATERIAL * _rms(fits[best][1]):
             break
-        terms, residual = fits[best]
+        terms, residual = _reformed(test, *fits[best])
         others = [Rival(fit[0][-1][0], gains[best] - gain) for fit, gain in zip(fits, gains, strict=True)]
         rivals.append(tuple(rival for rival in others if rival.effect.name != terms[-1][0].name))
     freedom = len(residual) - ORDER - 1 - sum(len(free) for _, free in terms)
     found = [SpecimenFinding(*term, others) for term, others in zip(terms, rivals, strict=True)]
     return found, float(np.sqrt((residual**2).sum() / max(freedom, 1)))
+
+
+def _reformed(test: SpecimenTest, terms: list[Term], residual: Array) -> tuple[list[Term], Array]:
+    """The same effects from their other starts too: a form chosen while another effect was missing did its part."""
+    for number, term in enumerate(terms):
+        for start in STARTS:
+            if start[0].name == term[0].name:
+                fitted, left = _fitted(test, [*terms[:number], start, *terms[number + 1 :]])
+                if _rms(left) < _rms(residual):
+                    terms, residual = fitted, left
+    return terms, residual
 
 
 def _fitted(test: SpecimenTest, starts: Sequence[Term]) -> tuple[list[Term], Array]:
