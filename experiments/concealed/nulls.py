@@ -22,7 +22,7 @@ import numpy as np  # noqa: E402
 
 from ertskin.diagnosis.any_recording import diagnose_any  # noqa: E402
 from ertskin.diagnosis.candidates import screen  # noqa: E402
-from ertskin.diagnosis.selection import MATERIAL_COST, SIGNIFICANT, Selection  # noqa: E402
+from ertskin.diagnosis.selection import SIGNIFICANT, Selection, material_cost  # noqa: E402
 from ertskin.diagnosis.skin_family import Calibration  # noqa: E402
 from ertskin.diagnosis.voltage_fit import Term, held_out  # noqa: E402
 from hardware.recording import read_recording  # noqa: E402
@@ -50,7 +50,7 @@ class Chance:
         fitted = problem.solve(fixed, start)
         clean = problem.acquisition.scans(problem.family.skin(fitted.calibration, fitted.effects))
         score = float(held_out(fitted, partitions).sum())
-        self.least = max(SIGNIFICANT, MATERIAL_COST(int((problem.weight > 0).sum()) * clean.shape[1], score))
+        self.least = max(SIGNIFICANT, material_cost(int((problem.weight > 0).sum()) * clean.shape[1], score))
         real = problem.evidence
         for seed in range(self.count):
             noise = real.noise_v * np.random.default_rng(seed).standard_normal(clean.shape)

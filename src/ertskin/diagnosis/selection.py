@@ -85,7 +85,7 @@ def select(
         current = problem.at_hand(current)
         score = float(held_out(current, partitions).sum())
         frames = _residual_count(problem)
-        floor = MATERIAL_COST(frames, score)
+        floor = material_cost(frames, score)
         report(0.2 + 0.1 * turn, f"looking for what is missing (residual {_rms(current):.3f} of the noise)")
         found = screen(problem, current, partitions)
         listed = _worth_trying(found, max(SIGNIFICANT, floor))
@@ -116,7 +116,7 @@ def _worth_trying(found: Sequence[Candidate], least: float) -> list[Candidate]:
     return [c for c in others if c.gain > max(SIGNIFICANT, WORTH_TRYING * others[0].gain)]
 
 
-def MATERIAL_COST(frames: int, score: float) -> float:
+def material_cost(frames: int, score: float) -> float:
     """Half chi-square that a change of the rms by ``MATERIAL`` over the noise amounts to."""
     return 0.5 * frames * (MATERIAL**2 - 1) * max(1.0, 2 * score / frames) ** 0.5
 
@@ -223,7 +223,7 @@ def _backward(
             rest = [t for i, t in enumerate(current.terms) if i != k]
             without = problem.solve(rest, current.calibration, steps=5, leftover=instrument)
             loss = float(held_out(without, partitions).sum()) - score
-            if loss < max(SIGNIFICANT, MATERIAL_COST(frames, score)) and (dropped is None or loss < dropped[0]):
+            if loss < max(SIGNIFICANT, material_cost(frames, score)) and (dropped is None or loss < dropped[0]):
                 dropped = (loss, without)
             term = current.terms[k]
             alone = float(np.sqrt(1 + 2 * max(loss, 0.0) / frames))
