@@ -175,6 +175,8 @@ def gathered(claims: tuple[Claim, ...]) -> list[tuple[Claim, str]]:
 
 
 def _shown_name(name: str, claims: list[Claim]) -> str:
-    where = [getattr(c.effect, "electrode", getattr(c.effect, "channel", -1)) for c in claims]
-    shown = ", ".join(str(k) for k in where if k >= 0)
-    return f"{name} (electrode{'s' * (len(where) > 1)} {shown})" if shown else name
+    for key in ("electrode", "channel"):
+        where = [number for c in claims if (number := getattr(c.effect, key, -1)) >= 0]
+        if where:
+            return f"{name} ({key}{'s' * (len(where) > 1)} {', '.join(map(str, where))})"
+    return name

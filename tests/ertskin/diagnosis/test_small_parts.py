@@ -10,13 +10,15 @@ import pytest
 import yaml
 
 from ertskin.diagnosis.any_recording import diagnose_any
-from ertskin.diagnosis.claims import Claim, Diagnosis, Estimate, HeldOut, confidences, verdict_of
+from ertskin.diagnosis.claims import Claim, Diagnosis, Estimate, HeldOut, confidences, gathered, verdict_of
 from ertskin.diagnosis.diagnose import _broad_ratio
 from ertskin.diagnosis.force_fit import ForceData, select_force_effects
 from ertskin.diagnosis.least_squares import Quadratic, descend
 from ertskin.diagnosis.sensitivity import Hats
 from ertskin.diagnosis.written import config_name, write_diagnosis, write_effects
 from hardware.recording import Frames, Recording
+from physics.effects.channel_gain import ChannelGain
+from physics.effects.contact_drift import ContactDrift
 from physics.effects.nonlinear_foam import NonlinearFoam
 from physics.effects.piezo_hysteresis import PiezoHysteresis
 from physics.effects.registry import build_effects
@@ -155,3 +157,10 @@ def test_one_corner_press_slightly_off_is_no_mismatch_but_a_torn_place_is() -> N
     torn[press == 5] *= 4.0
     assert _broad_ratio(slightly, press) < 1.02
     assert _broad_ratio(torn, press) > 1.5
+
+
+def test_claims_of_many_electrodes_are_one_line_for_a_reader() -> None:
+    loose = [Claim(ContactDrift(k), 0.85, 1.2, {}) for k in (3, 7)]
+    gain = Claim(ChannelGain(5, gain=0.01), 0.9, 1.5, {"gain": Estimate(0.01, 0.0, 0.02, "1")})
+    names = [name for _, name in gathered((gain, *loose))]
+    assert names == ["channel_gain (channel 5)", "contact_drift (electrodes 3, 7)"]
