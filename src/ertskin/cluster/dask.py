@@ -33,10 +33,13 @@ class DaskCluster:
         """
         try:
             from distributed import KilledWorker, as_completed
+
+            from ertskin.cluster.worker_memory import KeepsFreedMemory
         except ImportError:
             raise UserError("cluster=dask needs Dask: pip install 'ertskin[cluster]'") from None
         with ExitStack() as stack:
             client = self._client(stack)
+            client.register_plugin(KeepsFreedMemory())
             # A task of its own: sent once, passed on from worker to worker, and made again where its keeper died.
             shared = client.submit(_given, compute, pure=False)
             futures = [client.submit(_call, shared, number, pure=False) for number in numbers]

@@ -1,6 +1,7 @@
 """The same results wherever they are computed, also when a worker dies."""
 
 import os
+import resource
 import signal
 import subprocess
 import sys
@@ -43,6 +44,16 @@ class DiesOnce:
             self.marker.touch()
             os.kill(os.getpid(), signal.SIGKILL)
         return draw(number)
+
+
+class PagesTouched:
+    """How many pages the system hands out while an array of a megabyte is made and dropped again and again."""
+
+    def __call__(self, number):
+        before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt
+        for _ in range(50):
+            np.ones(1 << 17)
+        return np.array(resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before)
 
 
 class AlwaysDies:
@@ -113,6 +124,15 @@ def test_dasks_only_worker_may_die(tmp_path):
     from ertskin.cluster.dask import DaskCluster
 
     assert as_dict(DaskCluster(workers=1), DiesOnce(tmp_path / "died")) == {k: draw(k).tolist() for k in range(5)}
+
+
+def test_a_dask_worker_keeps_the_memory_it_has():
+    pytest.importorskip("distributed", reason=WITHOUT_DASK)
+    from ertskin.cluster.dask import DaskCluster
+
+    pages_a_megabyte = (1 << 20) / resource.getpagesize()
+    touched = list(as_dict(DaskCluster(workers=1), PagesTouched()).values())
+    assert max(touched[1:]) < 5 * pages_a_megabyte
 
 
 @pytest.fixture

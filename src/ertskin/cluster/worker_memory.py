@@ -1,0 +1,26 @@
+"""Dask starts its workers so that freed memory goes back to the system at once; arrays pay for that with time."""
+
+from __future__ import annotations
+
+import ctypes
+from typing import Any
+
+from distributed import WorkerPlugin
+
+TRIM_THRESHOLD, MMAP_THRESHOLD = -1, -3  # glibc's mallopt
+KEPT_BYTES = 1 << 26
+LARGEST_MMAP_BYTES = 1 << 25
+
+
+class KeepsFreedMemory(WorkerPlugin):
+    """Sets glibc's thresholds to what they grow to in any other process; elsewhere than on glibc it does nothing.
+
+    With Dask's own (64 KiB) every larger array is mapped anew and cleared page by page: synthesis took twice the CPU.
+    """
+
+    def setup(self, worker: Any) -> None:
+        """Called on each worker, also on those that join later."""
+        mallopt = getattr(ctypes.CDLL(None), "mallopt", None)
+        if mallopt is not None:
+            mallopt(MMAP_THRESHOLD, LARGEST_MMAP_BYTES)
+            mallopt(TRIM_THRESHOLD, KEPT_BYTES)
