@@ -10,10 +10,10 @@ from torch.nn import Parameter
 
 
 class LeanAdam(torch.optim.Adam):
-    """``torch.optim.Adam(fused=True)`` bit for bit, state and all, for parameters on one device in one precision.
+    """``torch.optim.Adam(fused=True)`` bit for bit, for parameters on one device in one precision.
 
-    ``step`` sorts the tensors by device and precision, asks for hooks and opens a profiler's record: where a step of
-    training takes a millisecond that is a tenth of it.
+    ``step`` sorts the tensors by device and precision, asks for hooks, opens a profiler's record and counts a step for
+    each parameter: where a step of training takes a millisecond that is a fifth of it. Here all share one count.
     """
 
     def __init__(self, parameters: Iterable[Parameter], learning_rate: float) -> None:
@@ -34,15 +34,18 @@ class LeanAdam(torch.optim.Adam):
             self.step()
             return
         states = [self.state[parameter] for parameter in parameters]
-        steps: list[Tensor] = [state["step"] for state in states]
-        torch._foreach_add_(steps, 1)
+        steps: Tensor = states[0]["step"]
+        if states[-1]["step"] is not steps:
+            for state in states:
+                state["step"] = steps
+        steps += 1
         torch._fused_adam_(
             parameters,
             [parameter.grad for parameter in parameters],  # type: ignore[misc]
             [state["exp_avg"] for state in states],
             [state["exp_avg_sq"] for state in states],
             [],
-            steps,
+            [steps] * len(parameters),
             lr=group["lr"],
             beta1=group["betas"][0],
             beta2=group["betas"][1],
