@@ -1,4 +1,4 @@
-"""Synthesis of the paper's trials through ``ertskin.cluster``: one process, Dask with one worker and with two."""
+"""Synthesis of the paper's trials through ``ertskin.cluster``: one process and two, Dask with one worker and with two."""
 
 from __future__ import annotations
 
@@ -23,6 +23,7 @@ from physics.piezo.polynomial import PiezoPolynomial
 
 CLUSTERS = {
     "one process": LocalCluster(1),
+    "two processes": LocalCluster(2),
     "Dask, one worker": DaskCluster(workers=1),
     "Dask, two workers": DaskCluster(workers=2),
 }

@@ -52,7 +52,7 @@ def measure(small: bool, only: list[str] | None) -> Iterator[tuple[str, Any]]:
         "contact_fit": lambda: told(contact_fit.run("fast", turns)),
         "loops": lambda: told(training.loops(training.material(pairs, cores), 1 if small else 3, 3 if small else 5)),
         "training": lambda: told(training.full(training.material(pairs, cores), cores)),
-        "cluster": lambda: told(cluster.run(Plan(trials=pairs, denoiser_trials=0), turns=1)),
+        "cluster": lambda: told(cluster.run(Plan(trials=pairs, denoiser_trials=0), turns=1 if small else 2)),
     }
     for name, section in sections.items():
         if only is None or name in only:

@@ -8,6 +8,7 @@ from torch import Tensor, nn
 
 from ertskin.data.tensors import TrialTensors
 from ertskin.data.trials import TrialSet
+from ertskin.models.batch_norm import BatchNorm
 from ertskin.models.network import Network
 from ertskin.models.scaling import Standardise
 from physics.noise.model import Noise
@@ -25,9 +26,7 @@ class Denoiser(Network):
         super().__init__()
         self.arguments = {"inputs": inputs, "hidden": hidden}
         self.scale = Standardise(inputs)
-        self.layers = nn.Sequential(
-            nn.Linear(inputs, hidden), nn.BatchNorm1d(hidden), nn.ReLU(), nn.Linear(hidden, inputs)
-        )
+        self.layers = nn.Sequential(nn.Linear(inputs, hidden), BatchNorm(hidden), nn.ReLU(), nn.Linear(hidden, inputs))
 
     def prepare(self, protocol: Protocol, trials: TrialSet, noise: Noise, seed: int) -> TrialTensors:
         """Pairs of readings; a simulated trial keeps the one noise it was given, as in a data set made once."""

@@ -7,6 +7,7 @@ from torch import Tensor, nn
 
 from ertskin.data.tensors import TrialTensors
 from ertskin.data.trials import TrialSet
+from ertskin.models.batch_norm import BatchNorm
 from ertskin.models.readings_layer import ReadingsLayer
 from ertskin.models.scaling import Standardise
 from ertskin.models.touch import TouchNetwork
@@ -26,7 +27,7 @@ class MaskedNetwork(TouchNetwork):
         super().__init__(taxel_m, threshold)
         self.arguments = {"inputs": inputs, "taxel_m": taxel_m, "hidden": hidden, "threshold": threshold}
         self.scale = Standardise(inputs)
-        self.first = nn.Sequential(ReadingsLayer(inputs, 2 * hidden), nn.BatchNorm1d(2 * hidden))
+        self.first = nn.Sequential(ReadingsLayer(inputs, 2 * hidden), BatchNorm(2 * hidden))
         self.location = _rest(hidden, len(taxel_m), nn.Sigmoid)
         self.force = _rest(hidden, len(taxel_m), nn.ReLU)
 
@@ -65,5 +66,5 @@ class MaskedNetwork(TouchNetwork):
 def _rest(hidden: int, outputs: int, activation: type[nn.Module]) -> nn.Sequential:
     """A part from its first activation on."""
     return nn.Sequential(
-        activation(), nn.Linear(hidden, hidden), nn.BatchNorm1d(hidden), activation(), nn.Linear(hidden, outputs)
+        activation(), nn.Linear(hidden, hidden), BatchNorm(hidden), activation(), nn.Linear(hidden, outputs)
     )

@@ -7,6 +7,7 @@ from torch import nn
 
 from ertskin.data.tensors import TrialTensors
 from ertskin.data.trials import TrialSet, joined
+from ertskin.models.batch_norm import BatchNorm
 from ertskin.models.denoiser import Denoiser
 from ertskin.models.masked import MaskedNetwork
 from ertskin.models.readings_layer import ReadingsLayer, distinct_rows
@@ -23,12 +24,20 @@ def test_localization_and_force_have_two_hidden_layers_of_36_with_batch_norm():
     network = MaskedNetwork(6624, TAXELS)
     # The first layers of both parts lie side by side in one matrix.
     assert network.first[0].weight.shape == (6624, 72)
-    assert kinds(network.first) == [ReadingsLayer, nn.BatchNorm1d]
-    assert kinds(network.location) == [nn.Sigmoid, nn.Linear, nn.BatchNorm1d, nn.Sigmoid, nn.Linear]
-    assert kinds(network.force) == [nn.ReLU, nn.Linear, nn.BatchNorm1d, nn.ReLU, nn.Linear]
+    assert kinds(network.first) == [ReadingsLayer, BatchNorm]
+    assert kinds(network.location) == [nn.Sigmoid, nn.Linear, BatchNorm, nn.Sigmoid, nn.Linear]
+    assert kinds(network.force) == [nn.ReLU, nn.Linear, BatchNorm, nn.ReLU, nn.Linear]
     for part in (network.location, network.force):
         assert part[1].weight.shape == (36, 36)
         assert part[4].weight.shape == (36, 36)
+
+
+def test_batches_are_normalised_as_torch_does():
+    torch.manual_seed(0)
+    lean, usual = BatchNorm(5), nn.BatchNorm1d(5)
+    for values in torch.randn(3, 8, 5):
+        assert torch.equal(lean(values), usual(values))
+    assert torch.equal(lean.eval()(values), usual.eval()(values))
 
 
 def test_the_force_counts_only_where_the_mask_lets_it_through_and_is_never_negative():
