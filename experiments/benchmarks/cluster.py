@@ -1,4 +1,4 @@
-"""Synthesis of the paper's trials through ``ertskin.cluster``: one process and two, Dask with one worker and with two."""
+"""Synthesis of the paper's trials through ``ertskin.cluster``: one process and two, one Dask worker and two."""
 
 from __future__ import annotations
 

@@ -8,6 +8,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
+from ertskin.cluster.local import THREAD_VARIABLES
 from ertskin.errors import JobFailed, UserError
 
 Result = TypeVar("Result")
@@ -56,7 +57,10 @@ class DaskCluster:
 
         logging.getLogger("distributed").setLevel(logging.WARNING)
         # A worker that samples its own stack a hundred times a second spends its start-up on that.
-        stack.enter_context(dask.config.set({"distributed.worker.profile.enabled": False}))
+        quiet: dict[str, Any] = {"distributed.worker.profile.enabled": False}
+        # Dask leaves what its workers shall find in this process's own environment: no more than it should have.
+        quiet["distributed.nanny.pre-spawn-environ"] = dict.fromkeys(THREAD_VARIABLES, 1)
+        stack.enter_context(dask.config.set(quiet))
         if self.address is not None:
             try:
                 return stack.enter_context(Client(self.address, timeout=10))
