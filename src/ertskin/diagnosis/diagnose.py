@@ -37,7 +37,7 @@ from hardware.recording import Recording
 from physics.conduction.mesh import MeshError
 from physics.effects.adc_saturation import AdcSaturation
 from physics.effects.contact_drift import ContactDrift
-from physics.effects.effect import Effect, ElectrodeEffect, Stage
+from physics.effects.effect import Effect, Stage
 from physics.effects.nonlinear_foam import NonlinearFoam
 from physics.effects.piezo_inhomogeneity import PiezoInhomogeneity
 from physics.effects.sheet_inhomogeneity import SheetInhomogeneity
@@ -110,15 +110,14 @@ def _diagnose(recording: Recording, name: str, report: Report, resolution: str, 
     train = _frames(evidence, fitted)
     number = np.unique(train.history.press, return_inverse=True)[1]
     cells = (number % FOLDS).astype(np.intp)
-    family = SkinFamily(baseline.skin)
+    family = SkinFamily(baseline.skin, resolution)
 
     def build(solved: Solved | None) -> VoltageProblem:
         skin = (
-            family.skin(start, baseline.skin.effects)
+            family.remeshed(start, baseline.skin.effects)
             if solved is None
-            else family.skin(solved.calibration, solved.effects)
+            else family.remeshed(solved.calibration, solved.effects)
         )
-        skin = _remeshed(skin, resolution)
         linear = LinearSkin(skin, evidence.history, baseline.force_n, fitted, lambda share, text: report(None, text))
         return VoltageProblem(train, family, linear, baseline.specimen, cells, np.ones(len(train.history)))
 
@@ -130,7 +129,7 @@ def _diagnose(recording: Recording, name: str, report: Report, resolution: str, 
     partitions = [[int(k)] for k in np.unique(cells)]
     selection = selector(build, fixed, begun, start, partitions, report)
     report(0.85, "predicting presses no fit has seen")
-    before, after = _predictions(evidence, baseline, selection, family, held, resolution)
+    before, after = _predictions(evidence, baseline, selection, family, held)
     findings = _answer(name, evidence, baseline, selection, held, before, after)
     if (findings.diagnosis.unexplained_ratio or 0.0) > MATERIAL_RATIO:
         report(0.9, "predicting what no name explains")
@@ -183,40 +182,19 @@ def thinned(history: History, rows: NDArray[np.intp], most: int) -> NDArray[np.i
     return rows[kept]
 
 
-def _remeshed(skin: Skin, resolution: str) -> Skin:
-    """The skin on a mesh of its own where its electrodes are displaced."""
-    real = skin.sensor
-    for effect in skin.effects:
-        if isinstance(effect, ElectrodeEffect):
-            real = effect.geometry(real)
-    if np.array_equal(real.electrode_center_m, skin.sensor.electrode_center_m):
-        return skin
-    built = Skin.build(
-        skin.sensor,
-        skin.protocol,
-        skin.piezo,
-        skin.contact_resistance_ohm,
-        skin.support_n_per_m,
-        skin.effects,
-        resolution,
-    )
-    return replace(built, pressure=skin.pressure, pad_n_per_m=skin.pad_n_per_m)
-
-
 def _predictions(
     evidence: Evidence,
     baseline: Baseline,
     selection: Selection,
     family: SkinFamily,
     held: NDArray[np.intp],
-    resolution: str,
 ) -> tuple[Array, Array]:
     """Whitened residuals (n,P) of held-out frames, each solved exactly, without and with what was named."""
     plain_force = baseline.force_n
     if baseline.force_plain is not None and baseline.force_best is not None and baseline.force_best.effects:
         plain_force = np.where(evidence.history.touched, baseline.force_plain.force_n, 0.0)
     before = family.skin(selection.before.calibration, ())
-    after = _remeshed(family.skin(selection.after.calibration, selection.after.effects), resolution)
+    after = family.remeshed(selection.after.calibration, selection.after.effects)
     return (
         _residual(evidence, before, plain_force, held),
         _residual(evidence, after, baseline.force_n, held),

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ertskin.diagnosis.candidates import Candidate, screen
 from ertskin.diagnosis.claims import Rival
+from ertskin.diagnosis.settled import settled, strays
 from ertskin.diagnosis.skin_family import Calibration
 from ertskin.diagnosis.smooth_fields import with_smooth_fields
 from ertskin.diagnosis.voltage_fit import Solved, Term, VoltageProblem, held_out
@@ -73,12 +74,14 @@ def select(
     problem = build(None)
     report(0.15, "fitting the calibration")
     before = problem.solve(fixed, start)
+    if strays(problem, before):
+        problem, before = settled(build, before)
     current = before
     if begun:
         current = problem.solve([*fixed, *(term for term, _ in begun)], before.calibration)
         # A form is freed about the fit itself: further off it would mend what linearising leaves.
-        problem = build(current)
-        current = _refined(problem, problem.solve(current.terms, current.calibration), partitions)
+        problem, current = settled(build, current)
+        current = _refined(problem, current, partitions)
     rounds: list[tuple[tuple[str, float], ...]] = []
     stand: dict[str, Rivals] = {_key(term): rivals for term, rivals in begun}
     for turn in range(MOST_TERMS):
@@ -97,10 +100,14 @@ def select(
         stand[_key(solved.terms[-1])] = tuple(
             Rival(t.effect, gain - g) for t, g, _ in trials[1:] if t.name != term.name
         )
-        problem = build(solved)
-        current = _refined(problem, problem.solve(solved.terms, solved.calibration), partitions)
+        problem, current = settled(build, solved)
+        current = _refined(problem, current, partitions)
         report(0.25 + 0.1 * turn, f"{term.name} enters")
     chosen, current = _backward(problem, current, len(fixed), partitions, stand)
+    if strays(problem, current):
+        # What is left may fit as well elsewhere only because the skin was linearised far from there.
+        problem, current = settled(build, current)
+        chosen, current = _backward(problem, current, len(fixed), partitions, stand)
     return Selection(before, current, chosen, problem, tuple(rounds))
 
 

@@ -10,7 +10,7 @@ from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
 from physics.calibration.moduli import moduli_groups, with_moduli
-from physics.effects.effect import Effect
+from physics.effects.effect import Effect, ElectrodeEffect
 from physics.mechanics.pressure import InterfacePressure
 from physics.mechanics.radial_kernel import RadialKernel
 from physics.mechanics.stiffness import sensor_stiffness_n_per_m
@@ -62,10 +62,13 @@ class Calibration:
 
 
 class SkinFamily:
-    """Skins of one sensor for any calibration near a first one; the pressure field is tabulated over the moduli."""
+    """Skins of one sensor for any calibration near a first one; the pressure field is tabulated over the moduli.
 
-    def __init__(self, skin: Skin) -> None:
-        self.first = skin
+    ``resolution``: of a mesh made anew.
+    """
+
+    def __init__(self, skin: Skin, resolution: str) -> None:
+        self.first, self.resolution = skin, resolution
         self._field: dict[int, InterfacePressure] = {}
         self._known: dict[float, InterfacePressure] = {}
 
@@ -100,6 +103,26 @@ class SkinFamily:
             contact_resistance_ohm=calibration.contact_ohm,
             effects=tuple(effects),
         )
+
+    def remeshed(self, calibration: Calibration, effects: Sequence[Effect]) -> Skin:
+        """The same on a mesh of its own where its electrodes are displaced."""
+        skin = self.skin(calibration, effects)
+        real = skin.sensor
+        for effect in effects:
+            if isinstance(effect, ElectrodeEffect):
+                real = effect.geometry(real)
+        if np.array_equal(real.electrode_center_m, skin.sensor.electrode_center_m):
+            return skin
+        built = Skin.build(
+            skin.sensor,
+            skin.protocol,
+            skin.piezo,
+            skin.contact_resistance_ohm,
+            skin.support_n_per_m,
+            skin.effects,
+            self.resolution,
+        )
+        return replace(built, pressure=skin.pressure, pad_n_per_m=skin.pad_n_per_m)
 
 
 def stiffened(sensor: Sensor, log_ratio: float, pad_n_per_m: float) -> Sensor:
