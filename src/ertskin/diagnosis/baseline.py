@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from ertskin.diagnosis.evidence import CannotTell, Evidence
 from ertskin.diagnosis.force_fit import ForceData, ForceFit, select_force_effects
+from ertskin.diagnosis.force_noise import ForceNoise, force_noise
 from ertskin.diagnosis.resting import rested
 from ertskin.diagnosis.specimen_signal import SpecimenSignal
 from ertskin.diagnosis.specimen_stage import SpecimenFinding, SpecimenTest, specimen_findings
@@ -21,7 +22,6 @@ from physics.skin import Skin
 Array = NDArray[np.float64]
 
 FORCE_SIGNIFICANT = 10.0
-FORCE_MATERIAL = 1.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,7 +34,7 @@ class Baseline:
     skin: Skin
     force_plain: ForceFit | None
     force_best: ForceFit | None
-    force_noise_n: float
+    force_noise: ForceNoise
     force_n: Array
     specimen: SpecimenSignal
     specimen_findings: tuple[SpecimenFinding, ...]
@@ -62,8 +62,8 @@ def calibrated(recording: Recording, evidence: Evidence, resolution: str = "fine
         found = indenter_support(recording.rigid_block.depth_m, recording.rigid_block.force_n)
         support, scatter = found.stiffness_n_per_m, found.force_noise_n
         share = max(found.standard_error_n_per_m / found.stiffness_n_per_m, 1e-5)
-    noise_n = _force_noise_n(evidence, scatter)
-    plain, best = _force_stage(evidence, support, share, noise_n)
+    noise = force_noise(evidence, scatter)
+    plain, best = _force_stage(evidence, support, share, noise.rms_n)
     contacts = np.full(evidence.protocol.electrodes, max(evidence.sensor.contact_resistance_guess_ohm, 10.0))
     skin = Skin.build(evidence.sensor, evidence.protocol, law.law, contacts, support, (), resolution)
     skin, ratio, drift, noise_v, stray, traces = rested(skin, evidence)
@@ -71,41 +71,9 @@ def calibrated(recording: Recording, evidence: Evidence, resolution: str = "fine
         skin = replace(skin, pad_n_per_m=best.pad_n_per_m, effects=(*best.effects, *drift))
     force = _driving_force(evidence, best)
     signal = SpecimenSignal.of(specimen, law.noise_fraction)
-    findings, noise = specimen_findings(SpecimenTest(signal.stress_pa, signal.resistance_ohm_sq, signal.time_s))
-    signal = replace(signal, noise_fraction=noise)
-    return Baseline(skin, plain, best, noise_n, force, signal, tuple(findings), drift, ratio, noise_v, stray, traces)
-
-
-def _force_noise_n(evidence: Evidence, scatter_n: float) -> float:
-    """The load cell's noise: in air, on the rigid block, and between presses that repeat the same strokes."""
-    history = evidence.history
-    squares, weights = [], []
-    if np.isfinite(evidence.air_n):
-        squares.append(evidence.air_n**2)
-        weights.append(max(int(evidence.rest.sum()) - 1, 1))
-    if np.isfinite(scatter_n) and scatter_n > 0:
-        squares.append(scatter_n**2)
-        weights.append(19)
-    if not squares:
-        return 0.01
-    quiet = float(np.sqrt(np.average(squares, weights=weights)))
-    repeats = _pure_error(history.depth_m[:, 0], history.force_n[:, 0], history.press, history.phase)
-    return repeats if repeats is not None and 0.7 * quiet < repeats < 1.5 * quiet else quiet
-
-
-def _pure_error(depth_m: Array, force_n: Array, press: NDArray[np.int64], phase: NDArray[np.uint8]) -> float | None:
-    """Scatter in newton of frames at the same step of presses with the same strokes."""
-    groups: dict[tuple[int, int, int], list[float]] = {}
-    for number in np.unique(press):
-        rows = np.flatnonzero(press == number)
-        for step, t in enumerate(rows):
-            if np.isfinite(force_n[t]) and np.isfinite(depth_m[t]):
-                groups.setdefault((step, int(phase[t]), round(1e6 * float(depth_m[t]))), []).append(float(force_n[t]))
-    scattered = [(np.var(v, ddof=1), len(v) - 1) for v in groups.values() if len(v) > 4]
-    if not scattered:
-        return None
-    variance, weight = np.array(scattered).T
-    return float(np.sqrt(np.average(variance, weights=weight)))
+    findings, scatter = specimen_findings(SpecimenTest(signal.stress_pa, signal.resistance_ohm_sq, signal.time_s))
+    signal = replace(signal, noise_fraction=scatter)
+    return Baseline(skin, plain, best, noise, force, signal, tuple(findings), drift, ratio, noise_v, stray, traces)
 
 
 def _force_stage(

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from ertskin.diagnosis.acquisition_signal import acquires
-from ertskin.diagnosis.baseline import FORCE_MATERIAL, Baseline, calibrated
+from ertskin.diagnosis.baseline import Baseline, calibrated
 from ertskin.diagnosis.claims import (
     MATERIAL_RATIO,
     QUANTILE,
@@ -138,7 +138,7 @@ def _diagnose(recording: Recording, name: str, report: Report, resolution: str, 
         findings = replace(findings, diagnosis=replace(findings.diagnosis, remainder_ratio=ratio))
     report(0.92, "looking for the press that would settle what is in doubt")
     fitted_skin = family.skin(selection.after.calibration, selection.after.effects)
-    press = settling_press(evidence, fitted_skin, baseline.force_noise_n, findings.diagnosis.claims)
+    press = settling_press(evidence, fitted_skin, baseline.force_noise.rms_n, findings.diagnosis.claims)
     return replace(findings, diagnosis=replace(findings.diagnosis, next_press=press))
 
 
@@ -227,7 +227,7 @@ def _answer(
     claims = overshadowed(claims, evidence.protocol.orthonormal.shape, ratios, left)
     claims += _instrument_claims(evidence)
     claims.sort(key=lambda c: (c.effect.name == ContactDrift.name, -c.ratio_alone))
-    force_off = force_after is not None and force_after > FORCE_MATERIAL * baseline.force_noise_n * 1.05
+    force_off = _force_off(baseline)
     tests_before, tests_after = (
         axis_tests(before, history, evidence.protocol),
         axis_tests(after, history, evidence.protocol),
@@ -358,7 +358,7 @@ def _force_claims(
     plain, best = baseline.force_plain, baseline.force_best
     if plain is None or best is None:
         return [], None, None
-    noise = baseline.force_noise_n
+    noise = baseline.force_noise.rms_n
     rmse = [float(np.sqrt(np.nanmean(f.residual**2)) * noise) for f in (plain, best)]
     claims = []
     for effect in best.effects:
@@ -366,6 +366,15 @@ def _force_claims(
         if claim.ratio_alone > 1.03:
             claims.append(claim)
     return claims, rmse[0], rmse[1]
+
+
+def _force_off(baseline: Baseline) -> bool:
+    """Whether force and depth disagree by more than the load cell's noise, effects and all."""
+    best = baseline.force_best
+    if best is None:
+        return False
+    known = best.residual[np.isfinite(best.residual)]
+    return baseline.force_noise.exceeded(float(np.sqrt(np.mean(known**2))) * baseline.force_noise.rms_n, known.size)
 
 
 def _felt(claim: Claim, selection: Selection) -> Claim:
@@ -385,7 +394,7 @@ def _felt(claim: Claim, selection: Selection) -> Claim:
 def _force_claim(evidence: Evidence, baseline: Baseline, best: ForceFit, effect: Effect) -> Claim:
     """The fit without this effect, and with each other foam effect in its stead."""
     data = ForceData(
-        evidence.history, baseline.force_noise_n, best.support_n_per_m, 1e-3, evidence.sensor.layers[0].thickness_m
+        evidence.history, baseline.force_noise.rms_n, best.support_n_per_m, 1e-3, evidence.sensor.layers[0].thickness_m
     )
     rest = [e for e in best.effects if e.name != effect.name]
     count = int(np.isfinite(best.residual).sum())

@@ -270,7 +270,11 @@ def _force_depth(findings: Findings) -> Figure:
         for phase, mark in ((1, "^"), (2, "o"), (3, "v")):
             mine = history.phase == phase
             axis.plot(
-                1e3 * history.depth_m[mine, 0], baseline.force_noise_n * fit.residual[mine, 0], mark, ms=3, alpha=0.5
+                1e3 * history.depth_m[mine, 0],
+                baseline.force_noise.rms_n * fit.residual[mine, 0],
+                mark,
+                ms=3,
+                alpha=0.5,
             )
         axis.set(title=title, xlabel="commanded depth (mm)", ylabel="measured minus model (N)")
     return figure

@@ -21,6 +21,9 @@ ORDER = 9
 """Of the free law: a law that is no fifth-order polynomial is no physics left out."""
 SIGNIFICANT = 15.0
 MATERIAL = 1.03
+FORM = 0.1
+"""Part of the first effect's gain that another must reach: less may be owed to the first one's form. The readings may
+still name it."""
 Term = tuple[PiezoEffect, tuple[str, ...]]
 """An effect and the parameters of it that are fitted."""
 STARTS: tuple[Term, ...] = (
@@ -29,6 +32,10 @@ STARTS: tuple[Term, ...] = (
     (PiezoCreep(fraction=0.05, time_s=30.0), ("fraction", "time_s")),
     (
         PiezoCreep(fraction=0.05, time_s=0.3, decades=4.0, exponent=0.8, remembers_air=True),
+        ("fraction", "time_s", "decades", "exponent"),
+    ),
+    (
+        PiezoCreep(fraction=0.2, time_s=0.05, decades=3.5, exponent=0.5, remembers_air=True),
         ("fraction", "time_s", "decades", "exponent"),
     ),
 )
@@ -65,18 +72,20 @@ class SpecimenFinding:
 def specimen_findings(test: SpecimenTest) -> tuple[list[SpecimenFinding], float]:
     """Effects that the specimen's loop shows, the strongest first, and the relative noise that they leave.
 
-    An effect enters when it gains ``SIGNIFICANT`` in half chi-square and lowers the residual's rms by ``MATERIAL``.
+    An effect enters when it gains ``SIGNIFICANT`` in half chi-square and ``FORM`` of the largest gain before it, and
+    lowers the residual's rms by ``MATERIAL``.
     """
     terms: list[Term] = []
     rivals: list[tuple[Rival, ...]] = []
-    residual = test.residual(())
+    residual, largest = test.residual(()), 0.0
     while len(terms) < len({effect.name for effect, _ in STARTS}):
         taken = {effect.name for effect, _ in terms}
         fits = [_fitted(test, [*terms, start]) for start in STARTS if start[0].name not in taken]
         gains = [_gain(residual, left) for _, left in fits]
         best = int(np.argmax(gains))
-        if gains[best] < SIGNIFICANT or _rms(residual) < MATERIAL * _rms(fits[best][1]):
+        if gains[best] < max(SIGNIFICANT, FORM * largest) or _rms(residual) < MATERIAL * _rms(fits[best][1]):
             break
+        largest = max(largest, gains[best])
         terms, residual = _reformed(test, *fits[best])
         others = [Rival(fit[0][-1][0], gains[best] - gain) for fit, gain in zip(fits, gains, strict=True)]
         rivals.append(tuple(rival for rival in others if rival.effect.name != terms[-1][0].name))

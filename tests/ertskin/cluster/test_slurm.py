@@ -17,7 +17,8 @@ echo "Submitted batch job $!"
 """
 SCANCEL = """#!/bin/sh
 echo "$1" >> "{folder}/cancelled"
-kill -TERM -- "-$1"
+# A job just submitted may not lead its own group yet.
+until kill -TERM -- "-$1"; do sleep 0.1; done
 """
 
 
