@@ -18,7 +18,7 @@ echo "Submitted batch job $!"
 SCANCEL = """#!/bin/sh
 echo "$1" >> "{folder}/cancelled"
 # A job just submitted may not lead its own group yet.
-until kill -TERM -- "-$1"; do sleep 0.1; done
+for turn in 1 2 3 4 5 6 7 8 9 10; do kill -TERM -- "-$1" && exit 0; sleep 0.2; done
 """
 
 
