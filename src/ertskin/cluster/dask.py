@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import signal
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass
@@ -77,10 +78,14 @@ class DaskCluster:
 
 
 def _slurm(settings: dict[str, Any]) -> Any:
+    interrupted = signal.getsignal(signal.SIGINT)
     try:
         from dask_jobqueue import SLURMCluster
     except ImportError:
         raise UserError("cluster=slurm needs dask-jobqueue: pip install 'ertskin[cluster]'") from None
+    finally:
+        # Imported, it makes Ctrl-C a silent exit for good.
+        signal.signal(signal.SIGINT, interrupted)
     return SLURMCluster(**settings)
 
 

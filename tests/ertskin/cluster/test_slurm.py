@@ -1,9 +1,11 @@
 """Jobs of a SLURM queue, with ``sbatch`` and ``scancel`` played by two scripts that run them on this machine."""
 
 import os
+import signal
 import stat
 import sys
 import time
+from importlib.util import find_spec
 
 import numpy as np
 import pytest
@@ -48,7 +50,8 @@ def running(job: str) -> bool:
 
 
 def test_pieces_are_computed_by_queued_jobs_which_are_cancelled_in_the_end(queue):
-    pytest.importorskip("dask_jobqueue", reason="dask-jobqueue is an extra: pip install 'ertskin[cluster]'")
+    if find_spec("dask_jobqueue") is None:
+        pytest.skip("dask-jobqueue is an extra: pip install 'ertskin[cluster]'")
     from ertskin.cluster.dask import DaskCluster
 
     here = {"host": "127.0.0.1", "dashboard_address": None}
@@ -56,6 +59,7 @@ def test_pieces_are_computed_by_queued_jobs_which_are_cancelled_in_the_end(queue
     done = dict(cluster.spread(square, range(6)))
     assert {number: value[0] for number, value in done.items()} == {k: float(k**2) for k in range(6)}
     assert os.getpid() not in {int(value[1]) for value in done.values()}
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
     jobs = (queue / "submitted").read_text().split()
     assert len(jobs) == 2
     deadline = time.monotonic() + 30
