@@ -342,11 +342,10 @@ def _voltage_claim(selection: Selection, chosen: Chosen, number: int) -> Claim:
     solved = selection.after
     first = len(solved.terms) - len(selection.chosen)
     term = solved.terms[first + number]
-    inflation = QUANTILE * max(1.0, float(np.sqrt((solved.scan_residual**2).mean())))
     known = term.effect.parameters()
     estimates = {}
     for key in term.free:
-        value, low, high = solved.interval(first + number, key, inflation)
+        value, low, high = solved.interval(first + number, key, QUANTILE)
         estimates[key] = Estimate(value, max(low, known[key].low), min(high, known[key].high), known[key].unit)
     confidence, alternatives = against(chosen.rivals)
     return Claim(term.effect, confidence, chosen.ratio_alone, estimates, alternatives, chosen.rivals)
@@ -382,10 +381,9 @@ def _felt(claim: Claim, selection: Selection) -> Claim:
     solved = selection.after
     for number, term in enumerate(solved.terms):
         if term.name == claim.effect.name and term.free:
-            inflation = QUANTILE * max(1.0, float(np.sqrt((solved.scan_residual**2).mean())))
             parameters = dict(claim.parameters)
             for key in term.free:
-                value, low, high = solved.interval(number, key, inflation)
+                value, low, high = solved.interval(number, key, QUANTILE)
                 parameters[key] = Estimate(value, low, high, term.effect.parameters()[key].unit)
             return replace(claim, effect=term.effect, parameters=parameters)
     return claim

@@ -38,6 +38,13 @@ class Fit:
         """(n,n) of the estimate."""
         return np.asarray(np.linalg.pinv(self.quadratic.hessian.sum(axis=0) + self.prior))
 
+    @property
+    def robust_covariance(self) -> Array:
+        """(n,n) of the estimate where what a wrong form leaves is alike within a fold (Liang and Zeger 1986)."""
+        pulls = self.quadratic.gradient @ self.covariance
+        folds = len(pulls)
+        return np.asarray(pulls.T @ pulls * folds / (folds - 1))
+
 
 Linearise = Callable[[Array], Quadratic]
 Cost = Callable[[Array], float]

@@ -67,11 +67,16 @@ class Solved:
         """Half chi-square over everything."""
         return float(self.fit.quadratic.cost.sum())
 
-    def interval(self, term: int, key: str, scale: float) -> tuple[float, float, float]:
-        """Value, and standard error times ``scale``."""
+    def interval(self, term: int, key: str, quantile: float) -> tuple[float, float, float]:
+        """Value, and the value less and plus its standard error times ``quantile``.
+
+        The error is that of white residuals of their size, or the folds' if they pull the value about by more.
+        """
         first = len(self.fit.value) - sum(len(t.free) for t in self.terms)
         position = first + sum(len(t.free) for t in self.terms[:term]) + self.terms[term].free.index(key)
-        error = float(np.sqrt(max(self.fit.covariance[position, position], 0.0))) * scale
+        inflation = max(1.0, float((self.scan_residual**2).mean()))
+        white = inflation * self.fit.covariance[position, position]
+        error = quantile * float(np.sqrt(max(white, self.fit.robust_covariance[position, position], 0.0)))
         value = float(getattr(self.terms[term].effect, key))
         return value, value - error, value + error
 
