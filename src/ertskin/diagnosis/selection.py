@@ -91,10 +91,14 @@ def select(
         floor = material_cost(frames, score)
         report(0.2 + 0.1 * turn, f"looking for what is missing (residual {_rms(current):.3f} of the noise)")
         found = screen(problem, current, partitions)
-        listed = _worth_trying(found, max(SIGNIFICANT, floor))
-        trials = _try(problem, current, _different(listed), partitions, score)
+        least = max(SIGNIFICANT, floor)
+        trials: list[tuple[Term, float, Solved]] = []
+        for listed in _worth_trying(found, least):
+            trials = sorted([*trials, *_try(problem, current, _different(listed), partitions, score)], key=_by_gain)
+            if trials and trials[0][1] >= least:
+                break
         rounds.append(tuple((t.name, g) for t, g, _ in trials))
-        if not trials or trials[0][1] < max(SIGNIFICANT, floor):
+        if not trials or trials[0][1] < least:
             break
         term, gain, solved = trials[0]
         stand[_key(solved.terms[-1])] = tuple(
@@ -111,16 +115,22 @@ def select(
     return Selection(before, current, chosen, problem, tuple(rounds))
 
 
-def _worth_trying(found: Sequence[Candidate], least: float) -> list[Candidate]:
-    """The candidates to fit. What no resistor network explains only the instrument can: it comes first.
+def _worth_trying(found: Sequence[Candidate], least: float) -> list[list[Candidate]]:
+    """The candidates to fit, the second list where nothing of the first is worth a name.
 
-    An instrument that would gain less than ``least`` wouldn't be named, and doesn't keep the others from their turn.
+    What no resistor network explains only the instrument can: it comes first. An instrument that would gain less than
+    ``least`` wouldn't be named, and doesn't keep the others from their turn.
     """
     instrument = [c for c in found if c.term.effect.stage == Stage.ACQUISITION and c.gain > least]
-    if instrument:
-        return [c for c in instrument if c.gain > WORTH_TRYING * instrument[0].gain]
     others = [c for c in found if c.term.effect.stage != Stage.ACQUISITION]
-    return [c for c in others if c.gain > max(SIGNIFICANT, WORTH_TRYING * others[0].gain)]
+    listed = [[c for c in instrument if c.gain > WORTH_TRYING * instrument[0].gain]] if instrument else []
+    if others:
+        listed.append([c for c in others if c.gain > max(SIGNIFICANT, WORTH_TRYING * others[0].gain)])
+    return listed
+
+
+def _by_gain(trial: tuple[Term, float, Solved]) -> float:
+    return -trial[1]
 
 
 def material_cost(frames: int, score: float) -> float:
