@@ -139,7 +139,7 @@ class Fronts:
     def _eliminate(self, value: Array, dirty: Flags, base: FrontalFactor | None) -> FrontalFactor:
         need = np.where(dirty, self.size**2, 0)
         offset = np.concatenate([[0], np.cumsum(need)])
-        work = np.zeros(offset[-1])
+        work = np.empty(offset[-1])
         below, below_offset = (work, offset) if base is None else (base.work, base.offset)
         failed = _eliminate(
             np.flatnonzero(dirty), dirty, work, offset, below, below_offset, value, self.node_start, self.pivots,
@@ -204,6 +204,7 @@ def _eliminate(  # type: ignore[no-untyped-def]
     for f in which:
         size = node_start[f + 1] - node_start[f]
         flat = work[offset[f] : offset[f] + size * size]
+        flat[:] = 0.0
         for k in range(entry_start[f], entry_start[f + 1]):
             flat[at[k]] += value[k]
         front = flat.reshape(size, size)

@@ -8,8 +8,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from physics.conduction.sheet import Solution
+from physics.conduction.sheet import Solution, transfer_of
 from physics.effects.effect import ElectrodeEffect
+from physics.protocol import pair_resistances
 from physics.skin import TAIL, Skin
 
 Array = NDArray[np.float64]
@@ -29,62 +30,65 @@ class PressForward:
     skin: Skin
     dwell_s: float = 1.0
     _spots: dict[tuple[float, float], Spot] = field(default_factory=dict, repr=False)
-    _base: tuple[Array, Solution] | None = field(default=None, repr=False)
+    _rest: Solution | None = field(default=None, repr=False)
 
     def change_ohm(self, contact_m: Array, force_n: Array) -> Array:
         """(N,P) change of the pair resistances under contacts (N,C,2) with forces (N,C), NaN for an absent one."""
-        rest = self.rest[1].pair_resistance_ohm
-        place = self.skin.contact_m(contact_m)
-        return np.stack([self._pressed(p, f) - rest for p, f in zip(place, force_n, strict=True)])
+        if not len(contact_m):
+            return np.zeros((0, len(self.rest.pair_resistance_ohm)))
+        presses = zip(self.skin.contact_m(contact_m), force_n, strict=True)
+        conductance = np.array([self._pressed(place, force).conductance_s for place, force in presses])
+        return pair_resistances(transfer_of(conductance)) - self.rest.pair_resistance_ohm
 
     @property
-    def rest(self) -> tuple[Array, Solution]:
-        """Conductance (E*Q,) or (E*Q,3) of the untouched sheet and its solution."""
-        if self._base is None:
-            skin, size = self.skin, self.skin.sheet.weight_m2.size
-            conductance = skin.sheet_conductance_s(np.zeros(size), skin.sheet.quadrature_m.reshape(-1, 2))
+    def rest(self) -> Solution:
+        """The untouched sheet."""
+        if self._rest is None:
+            skin, (elements, points) = self.skin, self.skin.sheet.weight_m2.shape
+            conductance = skin.sheet_conductance_s(np.zeros(elements * points), skin.sheet.quadrature_m.reshape(-1, 2))
             contacts = skin.contact_resistances_ohm(np.zeros(1), np.zeros((1, skin.sheet.electrodes)))[0]
-            self._base = conductance, skin.sheet.solve(self._shaped(conductance), contacts)
-        return self._base
+            self._rest = skin.sheet.solve(conductance.reshape(elements, points, *conductance.shape[1:]), contacts)
+        return self._rest
 
     def __getstate__(self) -> dict[str, object]:
         """Workers make their own caches."""
-        return {**self.__dict__, "_spots": {}, "_base": None}
+        return {**self.__dict__, "_spots": {}, "_rest": None}
 
-    def _pressed(self, place_m: Array, force_n: Array) -> Array:
+    def _pressed(self, place_m: Array, force_n: Array) -> Solution:
         there = np.isfinite(place_m).all(axis=-1) & (np.nan_to_num(force_n) > 0)  # a cell in air reads a force too
-        conductance, base = self.rest
         if not there.any():
-            return base.pair_resistance_ohm
-        points, pressure = self._pressure_pa(place_m[there], force_n[there])
-        sheet = conductance.copy()
-        sheet[points] = self._pressed_conductance_s(points, pressure)
-        contacts = base.contact_resistance_ohm
+            return self.rest
+        elements, pressure = self._pressure_pa(place_m[there], force_n[there])
+        conductance, model = self._pressed_conductance_s(elements, pressure), self.skin.sheet
+        contacts = self.rest.contact_resistance_ohm
         if self._contacts_respond:
             contacts = self._contacts_ohm(place_m[None], np.where(there, force_n, np.nan)[None])
-        model, shaped = self.skin.sheet, self._shaped(sheet)
-        if sheet.ndim == 1 and np.array_equal(contacts, base.contact_resistance_ohm):
-            return model.solve_again(shaped, base).pair_resistance_ohm
-        return model.solve(shaped, contacts).pair_resistance_ohm
+        if np.array_equal(contacts, self.rest.contact_resistance_ohm):
+            return model.solve_part(elements, conductance, self.rest)
+        sheet = self.rest.conductivity_s.copy()
+        sheet[elements] = conductance
+        return model.solve(sheet, contacts)
 
-    def _pressure_pa(self, place_m: Array, force_n: Array) -> tuple[NDArray[np.intp], Array]:
-        """Quadrature points within reach of the contacts, and the pressure on them."""
-        total = np.zeros(self.skin.sheet.weight_m2.size)
-        reached = np.zeros(len(total), dtype=bool)
+    def _pressure_pa(self, place_m: Array, force_n: Array) -> Spot:
+        """Elements (n,) within reach of the contacts, and the pressure (n,Q) on them."""
         spots = [self._spot(place) for place in place_m]
-        for (points, unit), force in zip(spots, self.skin.felt_n(force_n), strict=True):
-            total[points] += force * unit
-            reached[points] = True
-        points = np.flatnonzero(reached)
-        return points, total[points]
+        reached = np.zeros(len(self.skin.sheet.weight_m2), dtype=bool)
+        for where, _ in spots:
+            reached[where] = True
+        elements = np.flatnonzero(reached)
+        total = np.zeros((len(elements), self.skin.sheet.weight_m2.shape[1]))
+        for (where, unit), force in zip(spots, self.skin.felt_n(force_n), strict=True):
+            total[np.searchsorted(elements, where)] += force * unit
+        return elements, total
 
     def _spot(self, place_m: Array) -> Spot:
-        """Points within reach of a contact and their pressure per newton."""
+        """Elements within reach of a contact and the pressure per newton on them."""
         key = (float(place_m[0]), float(place_m[1]))
         if key not in self._spots:
-            offset = self.skin.sheet.quadrature_m.reshape(-1, 2) - place_m
-            points = np.flatnonzero((offset**2).sum(axis=1) < self._reach_m**2)
-            self._spots[key] = points, self.skin.pressure.at(offset[points])
+            offset = self.skin.sheet.quadrature_m - place_m
+            within = (offset**2).sum(axis=2) < self._reach_m**2
+            elements = np.flatnonzero(within.any(axis=1))
+            self._spots[key] = elements, np.where(within[elements], self.skin.pressure.at(offset[elements]), 0.0)
             if len(self._spots) > _REMEMBERED:
                 del self._spots[next(iter(self._spots))]
         return self._spots[key]
@@ -93,12 +97,14 @@ class PressForward:
     def _reach_m(self) -> float:
         return self.skin.pressure.radius_m(TAIL)
 
-    def _pressed_conductance_s(self, points: NDArray[np.intp], pressure_pa: Array) -> Array:
-        """Conductance after ``dwell_s`` under a press that began from rest."""
-        position = self.skin.sheet.quadrature_m.reshape(-1, 2)[points]
-        course = np.stack([np.zeros_like(pressure_pa), pressure_pa, pressure_pa])
+    def _pressed_conductance_s(self, elements: NDArray[np.intp], pressure_pa: Array) -> Array:
+        """(n,Q) or (n,Q,3) conductance after ``dwell_s`` under a press (n,Q) that began from rest."""
+        position = self.skin.sheet.quadrature_m[elements].reshape(-1, 2)
+        pressed = pressure_pa.ravel()
+        course = np.stack([np.zeros_like(pressed), pressed, pressed])
         effective = self.skin.effective_pressure_pa(course, position, np.array([0.0, 1e-3, self.dwell_s]))
-        return self.skin.sheet_conductance_s(effective[-1], position)
+        conductance = self.skin.sheet_conductance_s(effective[-1], position)
+        return conductance.reshape(*pressure_pa.shape, *conductance.shape[1:])
 
     @cached_property
     def _contacts_respond(self) -> bool:
@@ -108,6 +114,3 @@ class PressForward:
         pads = self.skin.pad_sample_m
         on_pads = self.skin.pressure_pa(pads.reshape(-1, 2), place_m, force_n).reshape(1, len(pads), -1).mean(axis=2)
         return self.skin.contact_resistances_ohm(np.zeros(1), on_pads)[0]
-
-    def _shaped(self, conductance_s: Array) -> Array:
-        return conductance_s.reshape(*self.skin.sheet.weight_m2.shape, *conductance_s.shape[1:])

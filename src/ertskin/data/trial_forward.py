@@ -24,7 +24,7 @@ class PressedSkin:
     @property
     def rest(self) -> Solution:
         """The untouched sheet."""
-        return self.forward.rest[1]
+        return self.forward.rest
 
     def pair_resistances(self, contact_m: Array, force_n: Array, workers: int = 1) -> Array:
         """(N,pairs) ohm under contacts (N,C,2) with forces (N,C), NaN for an absent one."""
@@ -58,7 +58,7 @@ class TrialForward:
 
     def change_ohm(self, contact_m: Array, force_n: Array) -> Array:
         """(N,P) change of the pair resistances under contacts (N,C,2) with forces (N,C), NaN for an absent one."""
-        rest = self.direct.rest[1].pair_resistance_ohm
+        rest = self.direct.rest.pair_resistance_ohm
         covered = self.solver.covers(contact_m, force_n)
         change = np.empty((len(contact_m), len(rest)))
         change[covered] = self.solver.pair_resistances(contact_m[covered], force_n[covered]) - rest

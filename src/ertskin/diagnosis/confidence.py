@@ -38,11 +38,18 @@ LEAST = 0.5
 
 def left_over(claims: Sequence[Claim], before: float, after: float) -> list[Claim]:
     """Claims lose confidence with the part of the excess misfit that they leave: a wrong form explains in part."""
-    excess, left = max(before**2 - 1, 0.0), max(after**2 - MATERIAL_RATIO**2, 0.0)
-    if excess <= 0 or left <= 0:
-        return list(claims)
-    share = max(0.0, 1 - left / excess)
+    share = _explained(before, after)
     return [replace(c, confidence=c.confidence * (share if c.effect.stage != Stage.MECHANICS else 1.0)) for c in claims]
+
+
+def left_over_of_force(claims: Sequence[Claim], before: float, after: float) -> list[Claim]:
+    """The same for claims that the load cell made, with its misfits over its noise, where what is left is sure."""
+    return [replace(c, confidence=c.confidence * _explained(before, after)) for c in claims]
+
+
+def _explained(before: float, after: float) -> float:
+    excess, left = max(before**2 - 1, 0.0), max(after**2 - MATERIAL_RATIO**2, 0.0)
+    return max(0.0, 1 - left / excess) if excess > 0 else 1.0
 
 
 def mending(claims: Sequence[Claim], shown: Collection[str] = ()) -> list[Claim]:

@@ -22,7 +22,7 @@ from ertskin.diagnosis.claims import (
     against,
     verdict_of,
 )
-from ertskin.diagnosis.confidence import AXES_OF, left_over, mending, overshadowed
+from ertskin.diagnosis.confidence import AXES_OF, left_over, left_over_of_force, mending, overshadowed
 from ertskin.diagnosis.doubt import settling_press
 from ertskin.diagnosis.drift_claims import drift_claims
 from ertskin.diagnosis.evidence import CannotTell, Evidence, gather
@@ -107,7 +107,7 @@ def _diagnose(recording: Recording, name: str, report: Report, resolution: str, 
     usable = np.isfinite(evidence.scan_v).all(axis=1) & _placed(evidence)
     fitted, held = _split(evidence, usable)
     fitted = thinned(evidence.history, fitted, MOST_FRAMES)
-    train = _frames(evidence, fitted)
+    train = evidence.frames(fitted)
     number = np.unique(train.history.press, return_inverse=True)[1]
     cells = (number % FOLDS).astype(np.intp)
     family = SkinFamily(baseline.skin, resolution)
@@ -146,16 +146,6 @@ def _placed(evidence: Evidence) -> NDArray[np.bool_]:
     """(T,) frames whose contacts are known, rest frames among them."""
     known = np.asarray(np.isfinite(evidence.history.contact_m).all(axis=-1))
     return np.asarray(known.any(axis=1) | evidence.rest)
-
-
-def _frames(evidence: Evidence, rows: NDArray[np.intp]) -> Evidence:
-    return replace(
-        evidence,
-        history=evidence.history[rows],
-        scan_v=evidence.scan_v[rows],
-        leftover_v=evidence.leftover_v[rows],
-        traces=evidence.traces[rows],
-    )
 
 
 def _split(evidence: Evidence, usable: NDArray[np.bool_]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
@@ -204,7 +194,7 @@ def _predictions(
 def _residual(evidence: Evidence, skin: Skin, force_n: Array, held: NDArray[np.intp]) -> Array:
     readings = skin.readings_v(evidence.history, force_n, held)
     scans = readings.reshape(len(held), -1) @ evidence.protocol.orthonormal
-    return _frames(evidence, held).discounted((evidence.scan_v[held] - scans) / evidence.noise_v)
+    return evidence.frames(held).discounted((evidence.scan_v[held] - scans) / evidence.noise_v)
 
 
 def _answer(
@@ -219,7 +209,14 @@ def _answer(
     history = evidence.history[held]
     ratio_before, ratio_after = _ratio(before), _ratio(after)
     claims = [_voltage_claim(selection, chosen, k) for k, chosen in enumerate(selection.chosen)]
+    if ratio_after > MATERIAL_RATIO * ratio_before:
+        # What fits the presses at hand and spoils the others explains nothing.
+        claims, after, ratio_after = [], before, ratio_before
     force_claims, force_before, force_after = _force_claims(evidence, baseline, selection)
+    force_off = _force_off(baseline)
+    if force_off and force_before is not None and force_after is not None:
+        noise_n = baseline.force_noise.rms_n
+        force_claims = left_over_of_force(force_claims, force_before / noise_n, force_after / noise_n)
     ratios = ratio_before, ratio_after
     left = _leftover_after(evidence, selection)
     claims = left_over([*claims, *force_claims, *drift_claims(baseline, selection)], *ratios)
@@ -227,7 +224,6 @@ def _answer(
     claims = overshadowed(claims, evidence.protocol.orthonormal.shape, ratios, left)
     claims += _instrument_claims(evidence)
     claims.sort(key=lambda c: (c.effect.name == ContactDrift.name, -c.ratio_alone))
-    force_off = _force_off(baseline)
     tests_before, tests_after = (
         axis_tests(before, history, evidence.protocol),
         axis_tests(after, history, evidence.protocol),

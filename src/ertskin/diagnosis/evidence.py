@@ -59,6 +59,16 @@ class Evidence:
     traces: Array
     leftover_share: float
 
+    def frames(self, rows: NDArray[np.intp]) -> Evidence:
+        """The evidence of some frames."""
+        return replace(
+            self,
+            history=self.history[rows],
+            scan_v=self.scan_v[rows],
+            leftover_v=self.leftover_v[rows],
+            traces=self.traces[rows],
+        )
+
     def discounted(self, rows: Array) -> Array:
         """Rows (T,P,...) in units of the noise without ``traces``, times (I + S S')^-1/2, S being ``stray``."""
         if self.traces.shape[2]:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ertskin.diagnosis.candidates import Candidate, screen
 from ertskin.diagnosis.claims import Rival
-from ertskin.diagnosis.settled import settled, strays
+from ertskin.diagnosis.settled import Standing, settled, standing
 from ertskin.diagnosis.skin_family import Calibration
 from ertskin.diagnosis.smooth_fields import with_smooth_fields
 from ertskin.diagnosis.voltage_fit import Solved, Term, VoltageProblem, held_out
@@ -48,6 +48,15 @@ class Chosen:
 
 
 @dataclass(frozen=True, eq=False)
+class Trial:
+    """A candidate fitted beside the terms at hand, and the half chi-square that it gains held out."""
+
+    term: Term
+    gain: float
+    solved: Solved
+
+
+@dataclass(frozen=True, eq=False)
 class Selection:
     """What was found on the frames fitted: the fits without and with the terms, and each term's standing."""
 
@@ -73,46 +82,53 @@ def select(
     """
     problem = build(None)
     report(0.15, "fitting the calibration")
-    before = problem.solve(fixed, start)
-    if strays(problem, before):
-        problem, before = settled(build, before)
-    current = before
+    here = standing(problem, problem.solve(fixed, start))
+    if here.strays:
+        here = settled(build, here.solved)
+    before = here.solved
     if begun:
-        current = problem.solve([*fixed, *(term for term, _ in begun)], before.calibration)
+        here = settled(build, here.problem.solve([*fixed, *(term for term, _ in begun)], before.calibration))
         # A form is freed about the fit itself: further off it would mend what linearising leaves.
-        problem, current = settled(build, current)
-        current = _refined(problem, current, partitions)
+        here = _refined(here, partitions)
     rounds: list[tuple[tuple[str, float], ...]] = []
     stand: dict[str, Rivals] = {_key(term): rivals for term, rivals in begun}
     for turn in range(MOST_TERMS):
-        current = problem.at_hand(current)
+        problem, current = here.problem, here.problem.at_hand(here.solved)
         score = float(held_out(current, partitions).sum())
-        frames = _residual_count(problem)
-        floor = material_cost(frames, score)
+        least = max(SIGNIFICANT, material_cost(_residual_count(problem), score))
         report(0.2 + 0.1 * turn, f"looking for what is missing (residual {_rms(current):.3f} of the noise)")
         found = screen(problem, current, partitions)
-        least = max(SIGNIFICANT, floor)
-        trials: list[tuple[Term, float, Solved]] = []
+        trials: list[Trial] = []
         for listed in _worth_trying(found, least):
             trials = sorted([*trials, *_try(problem, current, _different(listed), partitions, score)], key=_by_gain)
-            if trials and trials[0][1] >= least:
+            if trials and trials[0].gain >= least:
                 break
-        rounds.append(tuple((t.name, g) for t, g, _ in trials))
-        if not trials or trials[0][1] < least:
+        rounds.append(tuple((t.term.name, t.gain) for t in trials))
+        entered = _first_to_hold(build, here, [t for t in trials if t.gain >= least])
+        if entered is None:
             break
-        term, gain, solved = trials[0]
-        stand[_key(solved.terms[-1])] = tuple(
-            Rival(t.effect, gain - g) for t, g, _ in trials[1:] if t.name != term.name
-        )
-        problem, current = settled(build, solved)
-        current = _refined(problem, current, partitions)
-        report(0.25 + 0.1 * turn, f"{term.name} enters")
-    chosen, current = _backward(problem, current, len(fixed), partitions, stand)
-    if strays(problem, current):
+        trial, here = entered
+        others = [t for t in trials if t.term.name != trial.term.name and t.gain <= trial.gain]
+        stand[_key(trial.term)] = tuple(Rival(t.term.effect, trial.gain - t.gain) for t in others)
+        here = _refined(here, partitions)
+        report(0.25 + 0.1 * turn, f"{trial.term.name} enters")
+    chosen, current = _backward(here.problem, here.solved, len(fixed), partitions, stand)
+    problem = here.problem
+    if standing(problem, current).strays:
         # What is left may fit as well elsewhere only because the skin was linearised far from there.
-        problem, current = settled(build, current)
-        chosen, current = _backward(problem, current, len(fixed), partitions, stand)
+        here = settled(build, current)
+        problem = here.problem
+        chosen, current = _backward(problem, here.solved, len(fixed), partitions, stand)
     return Selection(before, current, chosen, problem, tuple(rounds))
+
+
+def _first_to_hold(build: Problem, here: Standing, trials: Sequence[Trial]) -> tuple[Trial, Standing] | None:
+    """The first trial that, settled, fits frames solved in full no worse than what is there, and where it settles."""
+    for trial in trials:
+        there = settled(build, trial.solved)
+        if not there.spoils(here):
+            return trial, there
+    return None
 
 
 def _worth_trying(found: Sequence[Candidate], least: float) -> list[list[Candidate]]:
@@ -129,8 +145,8 @@ def _worth_trying(found: Sequence[Candidate], least: float) -> list[list[Candida
     return listed
 
 
-def _by_gain(trial: tuple[Term, float, Solved]) -> float:
-    return -trial[1]
+def _by_gain(trial: Trial) -> float:
+    return -trial.gain
 
 
 def material_cost(frames: int, score: float) -> float:
@@ -175,8 +191,8 @@ def _try(
     candidates: Sequence[Candidate],
     partitions: Sequence[Sequence[int]],
     score: float,
-) -> list[tuple[Term, float, Solved]]:
-    """Each candidate fitted for good, best held-out gain first."""
+) -> list[Trial]:
+    """Each candidate fitted for good."""
     results = []
     instrument = any(c.term.effect.stage == "acquisition" for c in candidates)
     reference = score
@@ -190,13 +206,14 @@ def _try(
         if getattr(candidate.term.effect, "nodes", ()):
             # Its nodes were fitted to every cell: what it gained where they were not is what counts.
             gain = min(gain, candidate.gain)
-        results.append((solved.terms[-1], gain, solved))
+        results.append(Trial(solved.terms[-1], gain, solved))
     problem.reuse = False
-    return sorted(results, key=lambda r: -r[1])
+    return results
 
 
-def _refined(problem: VoltageProblem, current: Solved, partitions: Sequence[Sequence[int]]) -> Solved:
+def _refined(here: Standing, partitions: Sequence[Sequence[int]]) -> Standing:
     """Free what selection held, where that predicts better: a loop's shape, time constants of creep, smooth fields."""
+    problem, current = here.problem, here.solved
     for number, term in enumerate(current.terms):
         freer = _freer(term)
         if freer is None:
@@ -205,7 +222,11 @@ def _refined(problem: VoltageProblem, current: Solved, partitions: Sequence[Sequ
         freed = problem.solve(terms, current.calibration)
         if float(held_out(current, partitions).sum()) - float(held_out(freed, partitions).sum()) > SIGNIFICANT:
             current = freed
-    return with_smooth_fields(problem, current, partitions)
+    current = with_smooth_fields(problem, current, partitions)
+    if current is here.solved:
+        return here
+    there = standing(problem, current)
+    return here if there.spoils(here) else there
 
 
 def _freer(term: Term) -> Term | None:

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ertskin.diagnosis.voltage_fit import Solved, VoltageProblem
 
@@ -13,28 +15,57 @@ Problem = Callable[[Solved | None], VoltageProblem]
 FRAMES = 24
 FAR = 0.5
 """Share of the misfit, or of the noise where that is more, by which linearised frames may be off."""
+WORSE = 1.02
+"""Factor by which the misfit of a few frames may grow by chance."""
 TURNS = 4
 
 
-def settled(build: Problem, solved: Solved) -> tuple[VoltageProblem, Solved]:
-    """Linearised about the fit and fitted again, until the fit stays where the linearised skin is the skin."""
-    for _ in range(TURNS):
-        problem = build(solved)
-        solved = problem.solve(solved.terms, solved.calibration)
-        if not strays(problem, solved):
-            break
-    return problem, solved
+@dataclass(frozen=True, eq=False)
+class Standing:
+    """A fit and the problem it was made with. On a few frames solved in full: ``misfit`` of the fit and ``off``, by how
+    much the linearised skin differs from the whole one, both rms over noise."""
+
+    problem: VoltageProblem
+    solved: Solved
+    misfit: float
+    off: float
+
+    @property
+    def strays(self) -> bool:
+        """Whether the fit has gone where the linearised skin no longer is the skin."""
+        claimed = float(np.sqrt(np.mean(self.solved.scan_residual[_sampled(self.problem)] ** 2)))
+        return self.off > FAR * max(1.0, claimed)
+
+    def spoils(self, other: Standing) -> bool:
+        """Whether frames solved in full fit worse than in the ``other``."""
+        return self.misfit > WORSE * other.misfit
 
 
-def strays(problem: VoltageProblem, solved: Solved) -> bool:
-    """Whether the fit has gone where the linearised skin no longer is the skin: seen on a few frames solved in full."""
-    among = np.flatnonzero(problem.weight > 0)
-    rows = among[np.unique(np.linspace(0, len(among) - 1, FRAMES).astype(int))]
+def standing(problem: VoltageProblem, solved: Solved) -> Standing:
+    """Solve a few of the frames in full."""
+    rows = _sampled(problem)
     linear, evidence = problem.linear, problem.evidence
     skin = problem.family.remeshed(solved.calibration, solved.effects)
     readings = skin.readings_v(linear.history, linear.force_n, linear.wanted[rows])
     whole = readings.reshape(len(rows), -1) @ evidence.protocol.orthonormal
     claimed = problem.acquisition.scans(problem.family.skin(solved.calibration, solved.effects))[rows]
     off = float(np.sqrt(np.mean(((claimed - whole) / evidence.noise_v) ** 2)))
-    misfit = float(np.sqrt(np.mean(solved.scan_residual[rows] ** 2)))
-    return off > FAR * max(1.0, misfit)
+    sampled = evidence.frames(rows)
+    wrong = sampled.discounted((sampled.scan_v - whole) / evidence.noise_v)
+    return Standing(problem, solved, float(np.sqrt(np.mean(wrong**2))), off)
+
+
+def settled(build: Problem, solved: Solved) -> Standing:
+    """Linearised about the fit and fitted again, until the fit stays where the linearised skin is the skin."""
+    for _ in range(TURNS):
+        problem = build(solved)
+        solved = problem.solve(solved.terms, solved.calibration)
+        here = standing(problem, solved)
+        if not here.strays:
+            break
+    return here
+
+
+def _sampled(problem: VoltageProblem) -> NDArray[np.intp]:
+    among = np.flatnonzero(problem.weight > 0)
+    return among[np.unique(np.linspace(0, len(among) - 1, FRAMES).astype(int))]

@@ -28,6 +28,8 @@ PASSES = 2
 PROBE = 0.02
 """Size of a mode at which its derivative is taken."""
 SIGNIFICANT = 15.0
+SHARES = 1.0, 0.5, 0.25, 0.125
+"""Of a step to first order, of which the best is taken."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,7 +103,16 @@ def best_field(
             gain, value = added_gain(problem, current, columns, base, specimen, nowhere, partitions, precision)
             if gain > best and np.isfinite(value).all():
                 best, field = gain, value @ modes.values
-    return best, None if field is None else _plain(known + field.reshape(SHAPE))
+    if field is None:
+        return best, None
+
+    def misfit(share: float) -> float:
+        stepped = replace(effect, nodes=_plain(known + share * field.reshape(SHAPE)))
+        wrong = problem.scan_residual(problem.family.skin(current.calibration, (*others, stepped)))
+        return float((wrong**2).sum())
+
+    # A field that multiplies is far from linear: a whole step may overshoot.
+    return best, _plain(known + min(SHARES, key=misfit) * field.reshape(SHAPE))
 
 
 def _plain(nodes: Array) -> Nodes:

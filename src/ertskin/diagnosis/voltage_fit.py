@@ -26,6 +26,8 @@ RATIO_PRIOR = 1.0
 SHAPE_PRIOR = 0.3
 HIGHER_PRIOR = 0.02
 """The law's coefficients above the fifth, which the paper's polynomial hasn't."""
+MOST_HELD = 1e9
+"""Half chi-square per squared reach beyond which a step is held back no more."""
 LEFTOVER_FRAMES = 80
 """Frames whose non-reciprocal part is fitted; it counts as that of all."""
 
@@ -302,21 +304,39 @@ class _Layout:
 
 
 def held_out(solved: Solved, partitions: Sequence[Sequence[int]]) -> Array:
-    """(len(partitions),) half chi-square of each held-out set of cells after one Newton step on all the others."""
+    """(len(partitions),) half chi-square of each held-out set of cells after one Newton step on all the others.
+
+    No parameter of a term steps further than is typical of it: where the other cells hardly tell it (a spot that one
+    press alone has met) the quadratic would take it anywhere.
+    """
     quadratic = solved.fit.quadratic
     cells = np.arange(len(quadratic.cost))
     result = np.zeros(len(partitions))
     shift = solved.fit.prior.diagonal()
+    typical = [t.effect.parameters()[key].typical for t in solved.terms for key in t.free]
+    reach = np.full(len(solved.fit.value), np.inf)
+    reach[len(reach) - len(typical) :] = typical
     for k, out in enumerate(partitions):
         inside = ~np.isin(cells, out)
         hessian = quadratic.hessian[inside].sum(axis=0) + solved.fit.prior
         gradient = quadratic.gradient[inside].sum(axis=0) - shift * solved.fit.value * (shift > 0)
-        scale = np.sqrt(np.maximum(np.diag(hessian), 1e-300))
-        step = np.linalg.lstsq(hessian / scale[:, None] / scale, gradient / scale, rcond=1e-11)[0] / scale
+        step = _within(reach, hessian, gradient)
         for cell in out:
             change = -quadratic.gradient[cell] @ step + 0.5 * step @ quadratic.hessian[cell] @ step
             result[k] += max(quadratic.cost[cell] + change, 0.0)
     return result
+
+
+def _within(reach: Array, hessian: Array, gradient: Array) -> Array:
+    """The Newton step, held back like Levenberg's until no number moves beyond its reach."""
+    damping = 0.0
+    while True:
+        held = hessian + np.diag(damping * reach**-2)
+        scale = np.sqrt(np.maximum(np.diag(held), 1e-300))
+        step = np.linalg.lstsq(held / scale[:, None] / scale, gradient / scale, rcond=1e-11)[0] / scale
+        if damping > MOST_HELD or not (np.abs(step) > reach).any():
+            return np.asarray(step)
+        damping = max(10 * damping, 1.0)
 
 
 __all__ = ["Solved", "Term", "VoltageProblem", "held_out", "replace"]

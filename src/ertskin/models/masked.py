@@ -8,6 +8,8 @@ from torch import Tensor, nn
 from ertskin.data.tensors import TrialTensors
 from ertskin.data.trials import TrialSet
 from ertskin.models.batch_norm import BatchNorm
+from ertskin.models.compiled_gradient import CompiledGradient
+from ertskin.models.network import Gradient
 from ertskin.models.readings_layer import ReadingsLayer
 from ertskin.models.scaling import Standardise
 from ertskin.models.touch import TouchNetwork
@@ -57,6 +59,14 @@ class MaskedNetwork(TouchNetwork):
     def trials_out(self, inputs: Tensor) -> tuple[Tensor, Tensor]:
         """The same from (N,P) pair resistances as ``prepare`` gives them."""
         return self._behind(self.readings.of_pairs(inputs))
+
+    def gradient(self) -> Gradient:
+        """Compiled on a processor."""
+        if self.device.type != "cpu":
+            return super().gradient()
+        norm = self.first[1]
+        assert isinstance(norm, BatchNorm)
+        return CompiledGradient(self.readings, norm, self.location, self.force)
 
     def _behind(self, entered: Tensor) -> tuple[Tensor, Tensor]:
         location, force = self.first[1](entered).chunk(2, dim=1)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any, ClassVar, Literal
 
 import lightning.pytorch as pl
@@ -22,6 +23,8 @@ from physics.protocol import Protocol
 
 Array = NDArray[np.float64]
 Reads = Literal["readings", "coordinates"]
+Gradient = Callable[[Tensor, dict[str, Tensor]], Tensor]
+"""Of a mini-batch's inputs and targets: returns the loss, and leaves its gradient in the parameters' ``grad``."""
 
 
 class Network(pl.LightningModule):
@@ -55,17 +58,28 @@ class Network(pl.LightningModule):
         """Touches of (N,D) voltage changes; for networks that reconstruct."""
         raise NotImplementedError
 
+    def gradient(self) -> Gradient:
+        """What a chunk's mini-batches are given to."""
+        parameters = list(self.parameters())
+
+        def by_autograd(inputs: Tensor, targets: dict[str, Tensor]) -> Tensor:
+            loss = _summed(self.losses(inputs, targets))
+            for parameter in parameters:
+                parameter.grad = None
+            loss.backward()
+            return loss.detach()
+
+        return by_autograd
+
     def training_step(self, batches: Batches, index: int) -> None:
         """One Adam step for each mini-batch of the chunk."""
         optimizer = self.optimizers(use_pl_optimizer=False)
         assert isinstance(optimizer, LeanAdam)
+        gradient = self.gradient()
         total = torch.zeros((), device=self.device)
         for inputs, targets in batches:
-            loss = _summed(self.losses(inputs, targets))
-            optimizer.clear()
-            loss.backward()
+            total += gradient(inputs, targets)
             optimizer.update()
-            total += loss.detach()
         if not torch.isfinite(total):
             raise JobFailed(f"the training loss is no longer finite in epoch {self.current_epoch}")
 

@@ -28,6 +28,7 @@ class ReadingsLayer(nn.Module):
     """
 
     fixed: Tensor
+    entered: Tensor
     sign: Tensor
     copied: Tensor
 
@@ -68,6 +69,14 @@ class ReadingsLayer(nn.Module):
         """(N,P) pair resistances to the (N,outputs) of their readings."""
         combined = _Combined.apply(self.weight, self._bags("columns"), self._bags("rows"))
         return torch.addmm(self.bias, pairs, combined + self.entered)
+
+    def combined(self) -> Tensor:
+        """(P,outputs) S'W, without a trace for autograd."""
+        return _product(self._bags("columns"), self.weight) + self.entered
+
+    def spread(self, gradient: Tensor) -> Tensor:
+        """(D,outputs) gradient of ``weight`` from that of ``combined``."""
+        return _product(self._bags("rows"), gradient)
 
     def _bags(self, name: str) -> Bags:
         member, start, factor = (getattr(self, f"{name}_{part}") for part in ("member", "start", "factor"))

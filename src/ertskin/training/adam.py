@@ -19,11 +19,6 @@ class LeanAdam(torch.optim.Adam):
     def __init__(self, parameters: Iterable[Parameter], learning_rate: float) -> None:
         super().__init__(parameters, lr=learning_rate, fused=True)
 
-    def clear(self) -> None:
-        """Forget the gradients: ``zero_grad``."""
-        for parameter in self.param_groups[0]["params"]:
-            parameter.grad = None
-
     @torch.no_grad()
     def update(self) -> None:
         """One step; every parameter has a gradient."""

@@ -23,7 +23,7 @@ def test_it_takes_the_same_steps_bit_for_bit_also_after_its_state_was_stored():
         if step == 9:
             for optimizer in (ours, theirs):
                 optimizer.param_groups[0]["lr"] = 1e-3
-        ours.clear()
+        ours.zero_grad()
         lean(inputs).square().sum().backward()
         ours.update()
         theirs.zero_grad()
