@@ -171,6 +171,8 @@ class SheetModel:
         ``conductivity_s`` (n,Q) or (n,Q,3) in siemens, there alone.
         """
         base = base if base.origin is None else base.origin
+        if not len(elements):
+            return base
         dirty = self.fronts.affected(self._matrices.entry[elements].ravel())
         value = self.fronts.entries_of(dirty, base.entries)
         self._matrices.add(value, elements, conductivity_s - base.conductivity_s[elements])

@@ -9,7 +9,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
-from ertskin.cluster.local import THREAD_VARIABLES
+from ertskin.cluster.local import THREAD_VARIABLES, prepare
 from ertskin.errors import JobFailed, UserError
 
 Result = TypeVar("Result")
@@ -36,12 +36,15 @@ class DaskCluster:
         try:
             from distributed import KilledWorker, as_completed
 
-            from ertskin.cluster.worker_memory import KeepsFreedMemory
+            from ertskin.cluster.worker_plugins import KeepsFreedMemory, LoadsModules
         except ImportError:
             raise UserError("cluster=dask needs Dask: pip install 'ertskin[cluster]'") from None
         with ExitStack() as stack:
             client = self._client(stack)
             client.register_plugin(KeepsFreedMemory())
+            client.register_plugin(LoadsModules(compute))
+            # Workers start meanwhile.
+            prepare(compute)
             # A task of its own: sent once, passed on from worker to worker, and made again where its keeper died.
             shared = client.submit(_given, compute, pure=False)
             futures = [client.submit(_call, shared, number, pure=False) for number in numbers]
@@ -59,6 +62,8 @@ class DaskCluster:
         logging.getLogger("distributed").setLevel(logging.WARNING)
         # A worker that samples its own stack a hundred times a second spends its start-up on that.
         quiet: dict[str, Any] = {"distributed.worker.profile.enabled": False}
+        # What a piece of work has prepared is sent once.
+        quiet["distributed.admin.large-graph-warning-threshold"] = "1 GB"
         # Dask leaves what its workers shall find in this process's own environment: no more than it should have.
         quiet["distributed.nanny.pre-spawn-environ"] = dict.fromkeys(THREAD_VARIABLES, 1)
         stack.enter_context(dask.config.set(quiet))
@@ -71,9 +76,10 @@ class DaskCluster:
             cluster = stack.enter_context(_slurm(self.slurm))
             cluster.scale(jobs=self.workers)
         else:
-            cluster = stack.enter_context(
-                LocalCluster(n_workers=self.workers, threads_per_worker=1, host="127.0.0.1", dashboard_address=None)
-            )
+            share = 1.0 / self.workers
+            here = {"threads_per_worker": 1, "memory_limit": share, "host": "127.0.0.1", "dashboard_address": None}
+            cluster = stack.enter_context(LocalCluster(n_workers=0, **here))
+            cluster.scale(self.workers)
         return stack.enter_context(Client(cluster))
 
 

@@ -43,6 +43,7 @@ class LocalCluster:
                 for number in todo:
                     yield number, compute(number)
             return
+        prepare(compute)
         losses = 0
         while todo:
             try:
@@ -53,6 +54,15 @@ class LocalCluster:
                 losses += 1
                 if losses == MOST_LOSSES:
                     raise JobFailed("worker processes keep dying, perhaps for want of memory") from None
+
+
+def prepare(compute: Callable[[int], Any]) -> None:
+    """Let it build what it should travel with, with one BLAS thread as everywhere."""
+    with threadpool_limits(1):
+        getattr(compute, "prepare", _nothing)()
+
+
+def _nothing() -> None: ...
 
 
 def _pooled(compute: Callable[[int], Result], todo: list[int], workers: int) -> Iterator[tuple[int, Result]]:

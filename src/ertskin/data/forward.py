@@ -51,7 +51,7 @@ class PressForward:
         return self._rest
 
     def __getstate__(self) -> dict[str, object]:
-        """Workers make their own caches."""
+        """Without what is quickly made again: the untouched sheet and the contacts' pressures."""
         return {**self.__dict__, "_spots": {}, "_rest": None}
 
     def _pressed(self, place_m: Array, force_n: Array) -> Solution:

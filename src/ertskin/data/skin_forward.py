@@ -1,7 +1,8 @@
-"""The calibrated skin as a forward model that travels to workers and is built there."""
+"""The calibrated skin as a forward model that travels to workers, built or to be built there."""
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -37,24 +38,24 @@ class SkinForward:
     ) -> None:
         self.calibration, self.protocol, self.effects, self.resolution = calibration, protocol, effects, resolution
         self.places_m, self.max_force_n = places_m, max_force_n
-        self._built: PressForward | TrialForward | None = None
 
     def change_ohm(self, contact_m: Array, force_n: Array) -> Array:
         """(N,P) change of the pair resistances under contacts (N,C,2) with forces (N,C), NaN for an absent one."""
-        if self._built is None:
-            self._built = self._build()
-        return self._built.change_ohm(contact_m, force_n)
+        return self.built.change_ohm(contact_m, force_n)
 
-    def _build(self) -> PressForward | TrialForward:
+    def prepare(self) -> PressForward | TrialForward:
+        """Build it, here and now."""
+        return self.built
+
+    @cached_property
+    def built(self) -> PressForward | TrialForward:
+        """The forward model, tables and all."""
         if self.places_m is None:
             return self._pressed(self.resolution)
         return TrialForward(self._pressed, self.resolution, self.places_m, self.max_force_n)
 
     def _pressed(self, resolution: str | Resolution) -> PressForward:
         return PressForward(skin_of(self.calibration, self.protocol, self.effects, resolution))
-
-    def __getstate__(self) -> dict[str, Any]:
-        return {**self.__dict__, "_built": None}
 
 
 def skin_of(

@@ -69,11 +69,18 @@ class Plan:
 
 @dataclass(frozen=True, eq=False)
 class Shard:
-    """Computes shard k of the presses: plain arrays out, so that any process may do it."""
+    """Computes shard k of the presses: plain arrays out, so that any process may do it.
+
+    A ``forward`` that has a method ``prepare()`` is built once and travels so.
+    """
 
     forward: Forward
     presses: Trials
     rows: int
+
+    def prepare(self) -> None:
+        """Build the simulated skin."""
+        getattr(self.forward, "prepare", lambda: None)()
 
     def __call__(self, number: int) -> Arrays:
         part = self.presses[slice(number * self.rows, (number + 1) * self.rows)]

@@ -7,10 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from physics.effects.effect import Effect
+from physics.effects.effect import Effect, Parameter
 
 LEVEL = 0.9
 QUANTILE = 1.645
+FORM = 0.02
+"""Part of an effect's size that no interval is narrower than to either side: another form of the same effect moves its
+value by so much (a drift that settles by 1 %, a multiplexer that leaks twice by 1 to 3 %)."""
 MATERIAL_RATIO = 1.05
 TEMPERATURE = 10.0
 """Half chi-square by which evidence is discounted: forms are never exact, and frames of a press share their errors."""
@@ -140,6 +143,14 @@ class Diagnosis:
         if self.reason is not None:
             document["reason"] = self.reason
         return {**document, **self.extra}
+
+
+def estimate(value: float, error: float, known: Parameter) -> Estimate:
+    """A value with its interval at ``LEVEL``, given its standard error and what is known of it beforehand."""
+    half = QUANTILE * error
+    if known.defining:
+        half = max(half, FORM * abs(value - known.neutral))
+    return Estimate(value, max(value - half, known.low), min(value + half, known.high), known.unit)
 
 
 def against(rivals: tuple[Rival, ...]) -> tuple[float, tuple[tuple[str, float], ...]]:

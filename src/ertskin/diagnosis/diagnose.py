@@ -13,13 +13,13 @@ from ertskin.diagnosis.acquisition_signal import acquires
 from ertskin.diagnosis.baseline import Baseline, calibrated
 from ertskin.diagnosis.claims import (
     MATERIAL_RATIO,
-    QUANTILE,
     Claim,
     Diagnosis,
     Estimate,
     HeldOut,
     Rival,
     against,
+    estimate,
     verdict_of,
 )
 from ertskin.diagnosis.confidence import AXES_OF, left_over, left_over_of_force, mending, overshadowed
@@ -130,6 +130,8 @@ def _diagnose(recording: Recording, name: str, report: Report, resolution: str, 
     selection = selector(build, fixed, begun, start, partitions, report)
     report(0.85, "predicting presses no fit has seen")
     before, after = _predictions(evidence, baseline, selection, family, held)
+    if selection.chosen:
+        selection, after = _unspoilt(evidence, baseline, selection, family, held, after)
     findings = _answer(name, evidence, baseline, selection, held, before, after)
     if (findings.diagnosis.unexplained_ratio or 0.0) > MATERIAL_RATIO:
         report(0.9, "predicting what no name explains")
@@ -191,6 +193,22 @@ def _predictions(
     )
 
 
+def _unspoilt(
+    evidence: Evidence,
+    baseline: Baseline,
+    selection: Selection,
+    family: SkinFamily,
+    held: NDArray[np.intp],
+    after: Array,
+) -> tuple[Selection, Array]:
+    """The selection and its prediction; without its terms where they spoil presses that no fit has seen."""
+    plain = family.remeshed(selection.before.calibration, selection.before.effects)
+    without = _residual(evidence, plain, baseline.force_n, held)
+    if _ratio(after) <= MATERIAL_RATIO * _ratio(without):
+        return selection, after
+    return replace(selection, after=selection.before, chosen=()), without
+
+
 def _residual(evidence: Evidence, skin: Skin, force_n: Array, held: NDArray[np.intp]) -> Array:
     readings = skin.readings_v(evidence.history, force_n, held)
     scans = readings.reshape(len(held), -1) @ evidence.protocol.orthonormal
@@ -209,9 +227,6 @@ def _answer(
     history = evidence.history[held]
     ratio_before, ratio_after = _ratio(before), _ratio(after)
     claims = [_voltage_claim(selection, chosen, k) for k, chosen in enumerate(selection.chosen)]
-    if ratio_after > MATERIAL_RATIO * ratio_before:
-        # What fits the presses at hand and spoils the others explains nothing.
-        claims, after, ratio_after = [], before, ratio_before
     force_claims, force_before, force_after = _force_claims(evidence, baseline, selection)
     force_off = _force_off(baseline)
     if force_off and force_before is not None and force_after is not None:
@@ -341,8 +356,7 @@ def _voltage_claim(selection: Selection, chosen: Chosen, number: int) -> Claim:
     known = term.effect.parameters()
     estimates = {}
     for key in term.free:
-        value, low, high = solved.interval(first + number, key, QUANTILE)
-        estimates[key] = Estimate(value, max(low, known[key].low), min(high, known[key].high), known[key].unit)
+        estimates[key] = estimate(*solved.known(first + number, key), known[key])
     confidence, alternatives = against(chosen.rivals)
     return Claim(term.effect, confidence, chosen.ratio_alone, estimates, alternatives, chosen.rivals)
 
@@ -379,8 +393,7 @@ def _felt(claim: Claim, selection: Selection) -> Claim:
         if term.name == claim.effect.name and term.free:
             parameters = dict(claim.parameters)
             for key in term.free:
-                value, low, high = solved.interval(number, key, QUANTILE)
-                parameters[key] = Estimate(value, low, high, term.effect.parameters()[key].unit)
+                parameters[key] = estimate(*solved.known(number, key), term.effect.parameters()[key])
             return replace(claim, effect=term.effect, parameters=parameters)
     return claim
 
@@ -405,11 +418,8 @@ def _force_claim(evidence: Evidence, baseline: Baseline, best: ForceFit, effect:
     known = effect.parameters()
     for key in free_parameters(effect):  # type: ignore[arg-type]
         k = best.names.index(f"{effect.name}.{key}")
-        error = QUANTILE * float(np.sqrt(max(best.covariance[k, k], 0.0)))
-        value = float(getattr(effect, key))
-        estimates[key] = Estimate(
-            value, max(value - error, known[key].low), min(value + error, known[key].high), known[key].unit
-        )
+        error = float(np.sqrt(max(best.covariance[k, k], 0.0)))
+        estimates[key] = estimate(float(getattr(effect, key)), error, known[key])
     return Claim(effect, confidence, alone, estimates, alternatives, tuple(rivals))
 
 

@@ -14,6 +14,7 @@ from ertskin.diagnosis.settled import Standing, settled, standing
 from ertskin.diagnosis.skin_family import Calibration
 from ertskin.diagnosis.smooth_fields import with_smooth_fields
 from ertskin.diagnosis.voltage_fit import Solved, Term, VoltageProblem, held_out
+from physics.conduction.mesh import MeshError
 from physics.effects.effect import Stage
 from physics.effects.piezo_creep import PiezoCreep
 from physics.effects.piezo_hysteresis import PiezoHysteresis
@@ -28,6 +29,9 @@ TRIED = 3
 WORTH_TRYING = 0.15
 """Least part of the best candidate's expected gain that makes another worth a fit."""
 MOST_TERMS = 5
+REFINED = 4
+STILL = 0.97
+"""Part of the misfit down to which freeing forms once more isn't worth it."""
 
 Report = Callable[[float | None, str], None]
 Rivals = tuple[Rival, ...]
@@ -89,7 +93,7 @@ def select(
     if begun:
         here = settled(build, here.problem.solve([*fixed, *(term for term, _ in begun)], before.calibration))
         # A form is freed about the fit itself: further off it would mend what linearising leaves.
-        here = _refined(here, partitions)
+        here = _refined(build, here, partitions)
     rounds: list[tuple[tuple[str, float], ...]] = []
     stand: dict[str, Rivals] = {_key(term): rivals for term, rivals in begun}
     for turn in range(MOST_TERMS):
@@ -110,7 +114,7 @@ def select(
         trial, here = entered
         others = [t for t in trials if t.term.name != trial.term.name and t.gain <= trial.gain]
         stand[_key(trial.term)] = tuple(Rival(t.term.effect, trial.gain - t.gain) for t in others)
-        here = _refined(here, partitions)
+        here = _refined(build, here, partitions)
         report(0.25 + 0.1 * turn, f"{trial.term.name} enters")
     chosen, current = _backward(here.problem, here.solved, len(fixed), partitions, stand)
     problem = here.problem
@@ -125,7 +129,11 @@ def select(
 def _first_to_hold(build: Problem, here: Standing, trials: Sequence[Trial]) -> tuple[Trial, Standing] | None:
     """The first trial that, settled, fits frames solved in full no worse than what is there, and where it settles."""
     for trial in trials:
-        there = settled(build, trial.solved)
+        try:
+            there = settled(build, trial.solved)
+        except (MeshError, np.linalg.LinAlgError):
+            # Where it settles there is no such sheet.
+            continue
         if not there.spoils(here):
             return trial, there
     return None
@@ -211,8 +219,27 @@ def _try(
     return results
 
 
-def _refined(here: Standing, partitions: Sequence[Sequence[int]]) -> Standing:
-    """Free what selection held, where that predicts better: a loop's shape, time constants of creep, smooth fields."""
+def _refined(build: Problem, here: Standing, partitions: Sequence[Sequence[int]]) -> Standing:
+    """Free what selection held, where that predicts better: a loop's shape, time constants of creep, smooth fields.
+
+    What has taken the fit far is settled, and what was freed about the old place freed about the new one again.
+    """
+    for _ in range(REFINED):
+        freed = _freed(here, partitions)
+        if freed is here.solved:
+            break
+        there = standing(here.problem, freed)
+        if there.strays:
+            there = settled(build, freed)
+        if there.spoils(here):
+            break
+        before, here = here, there
+        if here.misfit > STILL * before.misfit:
+            break
+    return here
+
+
+def _freed(here: Standing, partitions: Sequence[Sequence[int]]) -> Solved:
     problem, current = here.problem, here.solved
     for number, term in enumerate(current.terms):
         freer = _freer(term)
@@ -222,11 +249,7 @@ def _refined(here: Standing, partitions: Sequence[Sequence[int]]) -> Standing:
         freed = problem.solve(terms, current.calibration)
         if float(held_out(current, partitions).sum()) - float(held_out(freed, partitions).sum()) > SIGNIFICANT:
             current = freed
-    current = with_smooth_fields(problem, current, partitions)
-    if current is here.solved:
-        return here
-    there = standing(problem, current)
-    return here if there.spoils(here) else there
+    return with_smooth_fields(problem, current, partitions)
 
 
 def _freer(term: Term) -> Term | None:

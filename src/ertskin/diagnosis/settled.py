@@ -38,7 +38,7 @@ class Standing:
 
     def spoils(self, other: Standing) -> bool:
         """Whether frames solved in full fit worse than in the ``other``."""
-        return self.misfit > WORSE * other.misfit
+        return not self.misfit <= WORSE * other.misfit
 
 
 def standing(problem: VoltageProblem, solved: Solved) -> Standing:

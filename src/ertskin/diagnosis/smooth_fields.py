@@ -28,7 +28,7 @@ PASSES = 2
 PROBE = 0.02
 """Size of a mode at which its derivative is taken."""
 SIGNIFICANT = 15.0
-SHARES = 1.0, 0.5, 0.25, 0.125
+SHARES = 1.0, 0.5, 0.25, 0.125, 0.0
 """Of a step to first order, of which the best is taken."""
 
 
@@ -109,10 +109,12 @@ def best_field(
     def misfit(share: float) -> float:
         stepped = replace(effect, nodes=_plain(known + share * field.reshape(SHAPE)))
         wrong = problem.scan_residual(problem.family.skin(current.calibration, (*others, stepped)))
-        return float((wrong**2).sum())
+        total = float((wrong**2).sum())
+        return total if np.isfinite(total) else np.inf
 
     # A field that multiplies is far from linear: a whole step may overshoot.
-    return best, _plain(known + min(SHARES, key=misfit) * field.reshape(SHAPE))
+    share = min(SHARES, key=misfit)
+    return (best, _plain(known + share * field.reshape(SHAPE))) if share else (0.0, None)
 
 
 def _plain(nodes: Array) -> Nodes:

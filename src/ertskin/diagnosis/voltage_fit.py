@@ -26,8 +26,8 @@ RATIO_PRIOR = 1.0
 SHAPE_PRIOR = 0.3
 HIGHER_PRIOR = 0.02
 """The law's coefficients above the fifth, which the paper's polynomial hasn't."""
-MOST_HELD = 1e9
-"""Half chi-square per squared reach beyond which a step is held back no more."""
+REACH = 10.0
+"""Times what is typical of a parameter: as far as a quadratic about the fit can be believed."""
 LEFTOVER_FRAMES = 80
 """Frames whose non-reciprocal part is fitted; it counts as that of all."""
 
@@ -69,8 +69,8 @@ class Solved:
         """Half chi-square over everything."""
         return float(self.fit.quadratic.cost.sum())
 
-    def interval(self, term: int, key: str, quantile: float) -> tuple[float, float, float]:
-        """Value, and the value less and plus its standard error times ``quantile``.
+    def known(self, term: int, key: str) -> tuple[float, float]:
+        """A free parameter's value and its standard error.
 
         The error is that of white residuals of their size, or the folds' if they pull the value about by more.
         """
@@ -78,9 +78,8 @@ class Solved:
         position = first + sum(len(t.free) for t in self.terms[:term]) + self.terms[term].free.index(key)
         inflation = max(1.0, float((self.scan_residual**2).mean()))
         white = inflation * self.fit.covariance[position, position]
-        error = quantile * float(np.sqrt(max(white, self.fit.robust_covariance[position, position], 0.0)))
-        value = float(getattr(self.terms[term].effect, key))
-        return value, value - error, value + error
+        error = float(np.sqrt(max(white, self.fit.robust_covariance[position, position], 0.0)))
+        return float(getattr(self.terms[term].effect, key)), error
 
 
 @dataclass(eq=False)
@@ -306,37 +305,63 @@ class _Layout:
 def held_out(solved: Solved, partitions: Sequence[Sequence[int]]) -> Array:
     """(len(partitions),) half chi-square of each held-out set of cells after one Newton step on all the others.
 
-    No parameter of a term steps further than is typical of it: where the other cells hardly tell it (a spot that one
-    press alone has met) the quadratic would take it anywhere.
+    A term that such a step would take beyond ``REACH`` is one that the other cells don't tell (a spot that one press
+    alone has met): they are taken to say that it isn't there.
     """
     quadratic = solved.fit.quadratic
     cells = np.arange(len(quadratic.cost))
     result = np.zeros(len(partitions))
     shift = solved.fit.prior.diagonal()
-    typical = [t.effect.parameters()[key].typical for t in solved.terms for key in t.free]
-    reach = np.full(len(solved.fit.value), np.inf)
-    reach[len(reach) - len(typical) :] = typical
+    numbers = _numbers(solved)
     for k, out in enumerate(partitions):
         inside = ~np.isin(cells, out)
         hessian = quadratic.hessian[inside].sum(axis=0) + solved.fit.prior
         gradient = quadratic.gradient[inside].sum(axis=0) - shift * solved.fit.value * (shift > 0)
-        step = _within(reach, hessian, gradient)
+        step = _step(hessian, gradient, numbers)
         for cell in out:
             change = -quadratic.gradient[cell] @ step + 0.5 * step @ quadratic.hessian[cell] @ step
             result[k] += max(quadratic.cost[cell] + change, 0.0)
     return result
 
 
-def _within(reach: Array, hessian: Array, gradient: Array) -> Array:
-    """The Newton step, held back like Levenberg's until no number moves beyond its reach."""
-    damping = 0.0
+@dataclass(frozen=True, eq=False)
+class _Numbers:
+    """A term's numbers (n,) in the vector of a fit: how far they may step, and the steps to where it is absent."""
+
+    index: NDArray[np.intp]
+    reach: Array
+    away: Array
+
+
+def _numbers(solved: Solved) -> list[_Numbers]:
+    first = len(solved.fit.value) - sum(len(t.free) for t in solved.terms)
+    found = []
+    for term in solved.terms:
+        known = [term.effect.parameters()[key] for key in term.free]
+        value = np.array([getattr(term.effect, key) for key in term.free])
+        away = np.where([p.defining for p in known], np.array([p.neutral for p in known]) - value, 0.0)
+        reach = REACH * np.array([p.typical for p in known])
+        found.append(_Numbers(first + np.arange(len(known)), reach, away))
+        first += len(known)
+    return found
+
+
+def _step(hessian: Array, gradient: Array, terms: Sequence[_Numbers]) -> Array:
+    """The Newton step, with terms that would go beyond their reach taken away instead."""
+    held: list[_Numbers] = []
+    step = np.zeros(len(gradient))
     while True:
-        held = hessian + np.diag(damping * reach**-2)
-        scale = np.sqrt(np.maximum(np.diag(held), 1e-300))
-        step = np.linalg.lstsq(held / scale[:, None] / scale, gradient / scale, rcond=1e-11)[0] / scale
-        if damping > MOST_HELD or not (np.abs(step) > reach).any():
-            return np.asarray(step)
-        damping = max(10 * damping, 1.0)
+        free = np.ones(len(step), dtype=bool)
+        for term in held:
+            free[term.index], step[term.index] = False, term.away
+        pull = gradient[free] - hessian[np.ix_(free, ~free)] @ step[~free]
+        matrix = hessian[np.ix_(free, free)]
+        scale = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+        step[free] = np.linalg.lstsq(matrix / scale[:, None] / scale, pull / scale, rcond=1e-11)[0] / scale
+        wild = [t for t in terms if t not in held and (np.abs(step[t.index]) > t.reach).any()]
+        if not wild:
+            return step
+        held += wild
 
 
 __all__ = ["Solved", "Term", "VoltageProblem", "held_out", "replace"]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from ertskin.diagnosis.claims import Claim
-from ertskin.diagnosis.confidence import left_over, mending, overshadowed
+from ertskin.diagnosis.confidence import left_over, left_over_of_force, mending, overshadowed
 from physics.effects.effect import Effect
 from physics.effects.nonlinear_foam import NonlinearFoam
 from physics.effects.piezo_creep import PiezoCreep
@@ -24,6 +24,12 @@ def test_what_stays_unexplained_is_shared_by_all_but_the_load_cells_names() -> N
     halved, kept = left_over(claims, 3.0, 2.236)
     assert halved.confidence == pytest.approx(0.95 * 0.51, abs=0.01)
     assert kept.confidence == 0.95
+
+
+def test_a_foam_that_leaves_force_unexplained_is_less_sure() -> None:
+    lost_motion = [claim(NonlinearFoam(stiffening=0.5), 1.5)]
+    assert left_over_of_force(lost_motion, 2.0, 1.0) == lost_motion
+    assert left_over_of_force(lost_motion, 2.0, 1.5)[0].confidence == pytest.approx(0.95 * 0.617, abs=0.01)
 
 
 def test_a_small_claim_beside_strong_kin_may_only_mend_its_form() -> None:

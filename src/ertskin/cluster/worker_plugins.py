@@ -1,8 +1,9 @@
-"""Dask starts its workers so that freed memory goes back to the system at once; arrays pay for that with time."""
+"""What Dask's workers do as they join: keep the memory they free, load what they will need."""
 
 from __future__ import annotations
 
 import ctypes
+from collections.abc import Callable
 from typing import Any
 
 from distributed import WorkerPlugin
@@ -12,8 +13,17 @@ KEPT_BYTES = 1 << 26
 LARGEST_MMAP_BYTES = 1 << 25
 
 
+class LoadsModules(WorkerPlugin):
+    """Sent with a piece of work, it makes a worker import what that needs before there is anything to do."""
+
+    def __init__(self, compute: Callable[[int], Any]) -> None:
+        self.compute = compute
+
+
 class KeepsFreedMemory(WorkerPlugin):
-    """Sets glibc's thresholds to what they grow to in any other process; elsewhere than on glibc it does nothing.
+    """Dask starts its workers so that freed memory goes back to the system at once; arrays pay for that with time.
+
+    Sets glibc's thresholds to what they grow to in any other process; elsewhere than on glibc it does nothing.
 
     With Dask's own (64 KiB) every larger array is mapped anew and cleared page by page: synthesis took twice the CPU.
     The thread that computes shares the main thread's memory: one of its own is given back whenever it is empty.

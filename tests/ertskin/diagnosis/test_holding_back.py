@@ -1,0 +1,73 @@
+"""What only few presses tell can't run off, and what fits worse when solved in full doesn't enter."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from ertskin.diagnosis import selection
+from ertskin.diagnosis.claims import FORM, estimate
+from ertskin.diagnosis.least_squares import Fit, Quadratic
+from ertskin.diagnosis.settled import Standing
+from ertskin.diagnosis.voltage_fit import Solved, Term, held_out
+from physics.conduction.mesh import MeshError
+from physics.effects.piezo_hysteresis import PiezoHysteresis
+
+
+def fitted(slopes: list[float], pulls: list[float]) -> Solved:
+    """A term's one number, at its best: how steeply and in which direction each cell pulls at it."""
+    slope, pull = np.array(slopes), np.array(pulls)
+    cost = 0.5 + 0.5 * pull**2
+    gradient, hessian = (slope * pull)[:, None], (slope**2)[:, None, None]
+    fit = Fit(np.array([0.1]), Quadratic(cost, gradient, hessian), np.zeros((1, 1)), 1)
+    return Solved(None, (Term(PiezoHysteresis(width=0.1), ("width",)),), fit, np.zeros((1, 1)))  # type: ignore[arg-type]
+
+
+def test_a_cell_that_others_tell_about_is_predicted_by_a_whole_newton_step() -> None:
+    found = held_out(fitted([1e4, 1e4, 1e4], [1.0, -2.0, 1.0]), [[0], [1], [2]])
+    # The mean of the others' pulls is where they would put the number.
+    assert found == pytest.approx([0.5 + 0.5 * 1.5**2, 0.5 + 0.5 * 3.0**2, 0.5 + 0.5 * 1.5**2])
+
+
+def test_a_term_that_only_one_cell_tells_is_away_in_what_the_others_predict_there() -> None:
+    found = held_out(fitted([1e3, 1e-3, 1e-3], [1.0, -1e6, 0.0]), [[0]])
+    # The loop's width is 0.1, and the cell pulls by 1 where it is.
+    assert found[0] == pytest.approx(0.5 + 0.5 * (1.0 + 1e3 * 0.1) ** 2)
+
+
+def test_a_term_that_one_cell_alone_wants_gains_nothing_held_out() -> None:
+    found = held_out(fitted([30.0, 1.0, 1.0], [1.0, -15.0, -15.0]), [[0], [1], [2]])
+    without = 0.5 + 0.5 * (1.0 + 30.0 * 0.1) ** 2
+    assert found[0] >= without
+
+
+def test_a_term_that_spoils_frames_solved_in_full_gives_way_to_the_next(monkeypatch: pytest.MonkeyPatch) -> None:
+    here, wild, tame = (Standing(None, None, misfit, 0.0) for misfit in (3.0, 9.0, 2.0))  # type: ignore[arg-type]
+    settle = {"wild": wild, "tame": tame}
+    monkeypatch.setattr(selection, "settled", lambda build, solved: settle[solved])
+    trials: list[Any] = [SimpleNamespace(solved="wild"), SimpleNamespace(solved="tame")]
+    assert selection._first_to_hold(None, here, trials) == (trials[1], tame)  # type: ignore[arg-type]
+    assert selection._first_to_hold(None, here, trials[:1]) is None  # type: ignore[arg-type]
+
+
+def test_an_interval_is_no_narrower_than_forms_differ_and_keeps_to_the_range() -> None:
+    width = PiezoHysteresis.parameters()["width"]
+    assert estimate(0.1, 0.01, width).high == pytest.approx(0.1 + 0.01645)
+    assert estimate(0.1, 1e-9, width).low == pytest.approx(0.1 * (1 - FORM))
+    assert estimate(0.1, 1.0, width).low == width.low
+
+
+@pytest.mark.parametrize("error", [MeshError("a pad overlaps another"), np.linalg.LinAlgError()])
+def test_a_trial_that_settles_where_no_sheet_is_gives_way_too(error: Exception, monkeypatch: Any) -> None:
+    def settle(build: Any, solved: Any) -> Standing:
+        if solved == "nowhere":
+            raise error
+        return tame
+
+    here, tame = (Standing(None, None, misfit, 0.0) for misfit in (3.0, 2.0))  # type: ignore[arg-type]
+    monkeypatch.setattr(selection, "settled", settle)
+    trials: list[Any] = [SimpleNamespace(solved="nowhere"), SimpleNamespace(solved="there")]
+    assert selection._first_to_hold(None, here, trials) == (trials[1], tame)  # type: ignore[arg-type]
