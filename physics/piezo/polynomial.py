@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numba import njit
@@ -75,6 +76,11 @@ class PiezoPolynomial:
         pressure = np.asarray(pressure_pa, dtype=float)
         coefficients = np.ascontiguousarray(self.zero_ohm_sq * self.coefficients)
         return np.asarray(_law(pressure.ravel(), coefficients, self.max_stress_pa)).reshape(pressure.shape)
+
+    @cached_property
+    def least_ohm_sq(self) -> float:
+        """The smallest sheet resistance at any pressure, in ohm per square: of a fit gone astray it isn't positive."""
+        return float(self.sheet_resistance_ohm_sq(np.linspace(0.0, self.max_stress_pa, _CHECKED)).min())
 
     def derivative(self, pressure_pa: Array) -> Array:
         """(...,) ohm per square per pascal at pressures (...,) in pascal; zero where the law is held constant."""

@@ -26,8 +26,12 @@ RATIO_PRIOR = 1.0
 SHAPE_PRIOR = 0.3
 HIGHER_PRIOR = 0.02
 """The law's coefficients above the fifth, which the paper's polynomial hasn't."""
-REACH = 10.0
+REACH = 5.0
 """Times what is typical of a parameter: as far as a quadratic about the fit can be believed."""
+SCALED = 0.7
+"""The same for parameters that are always positive, over their value."""
+LEAST_LAW = 1e-3
+"""Part of the unpressed sheet's resistance that must be left under any pressure."""
 LEFTOVER_FRAMES = 80
 """Frames whose non-reciprocal part is fitted; it counts as that of all."""
 
@@ -157,7 +161,11 @@ class VoltageProblem:
         return self.family.skin(calibration, effects)
 
     def _cost(self, layout: _Layout, x: Array) -> float:
-        scan, specimen, leftover = self._blocks(self._skin(layout, x))
+        skin = self._skin(layout, x)
+        if skin.piezo.least_ohm_sq <= LEAST_LAW * skin.piezo.zero_ohm_sq:
+            # There is no such sheet; linearised, it wouldn't show.
+            return np.inf
+        scan, specimen, leftover = self._blocks(skin)
         total = float((scan**2).sum() + (specimen**2).sum())
         if leftover is not None:
             total += self.leftover_share * float((leftover**2).sum())
@@ -340,7 +348,9 @@ def _numbers(solved: Solved) -> list[_Numbers]:
         known = [term.effect.parameters()[key] for key in term.free]
         value = np.array([getattr(term.effect, key) for key in term.free])
         away = np.where([p.defining for p in known], np.array([p.neutral for p in known]) - value, 0.0)
-        reach = REACH * np.array([p.typical for p in known])
+        # A time constant is known by its logarithm rather, whatever is typical.
+        scale = np.where([p.low > 0 for p in known], SCALED * value, 0.0)
+        reach = np.maximum(REACH * np.array([p.typical for p in known]), scale)
         found.append(_Numbers(first + np.arange(len(known)), reach, away))
         first += len(known)
     return found
