@@ -65,6 +65,19 @@ class AlwaysDies:
         return draw(number)
 
 
+class Prepared:
+    """Tells for each piece how often it was prepared, and whether that was in another process."""
+
+    def __init__(self):
+        self.prepared = []
+
+    def prepare(self):
+        self.prepared.append(os.getpid())
+
+    def __call__(self, number):
+        return np.array([len(self.prepared), self.prepared[0] != os.getpid()])
+
+
 class Bowl:
     """A skin that is quick to simulate; kills its worker once, in the middle of a set."""
 
@@ -94,6 +107,14 @@ def as_dict(cluster, compute=draw):
 @pytest.mark.parametrize("workers", [1, 2])
 def test_processes_give_what_one_process_gives(workers):
     assert as_dict(LocalCluster(workers)) == {k: draw(k).tolist() for k in range(5)}
+
+
+def test_what_takes_long_to_build_is_built_once_and_travels(tmp_path):
+    assert as_dict(LocalCluster(2), Prepared()) == {k: [1, True] for k in range(5)}
+    pytest.importorskip("distributed", reason=WITHOUT_DASK)
+    from ertskin.cluster.dask import DaskCluster
+
+    assert as_dict(DaskCluster(workers=2), Prepared()) == {k: [1, True] for k in range(5)}
 
 
 def test_a_workers_error_is_raised_here():

@@ -1,5 +1,7 @@
 """Trials put together from single presses answer what the skin itself answers."""
 
+import pickle
+
 import numpy as np
 import pytest
 from test_forward import skin
@@ -30,6 +32,18 @@ def test_trials_agree_with_the_skin(effects):
     protocol = Protocol.against_sink(electrode_pairs(6), 6, 1e-4)
     error = protocol.whitened(trials.change_ohm(contact, force) - direct.change_ohm(contact, force))
     assert np.sqrt((error**2).mean()) < 0.05 * NOISE_V
+
+
+def test_one_that_has_travelled_answers_the_same_bit_for_bit():
+    trials = TrialForward(lambda resolution: PressForward(skin()), COARSE, PLACES_M, 8.0, near=COARSE)
+    contact, force = PLACES_M[[[0, 1], [2, 1]]], np.array([[3.0, 2.0], [7.0, np.nan]])
+    before = trials.change_ohm(contact, force)
+    np.testing.assert_array_equal(pickle.loads(pickle.dumps(trials)).change_ohm(contact, force), before)
+
+
+def test_a_contact_beside_the_sheet_changes_nothing():
+    change = PressForward(skin()).change_ohm(np.array([[[3.0, 3.0]]]), np.array([[5.0]]))
+    assert not change.any()
 
 
 def test_presses_elsewhere_are_solved():
