@@ -228,7 +228,7 @@ def _answer(
     ratio_before, ratio_after = _ratio(before), _ratio(after)
     claims = [_voltage_claim(selection, chosen, k) for k, chosen in enumerate(selection.chosen)]
     force_claims, force_before, force_after = _force_claims(evidence, baseline, selection)
-    force_off = _force_off(baseline)
+    force_off = _force_off(evidence, baseline)
     if force_off and force_before is not None and force_after is not None:
         noise_n = baseline.force_noise.rms_n
         force_claims = left_over_of_force(force_claims, force_before / noise_n, force_after / noise_n)
@@ -377,13 +377,15 @@ def _force_claims(
     return claims, rmse[0], rmse[1]
 
 
-def _force_off(baseline: Baseline) -> bool:
+def _force_off(evidence: Evidence, baseline: Baseline) -> bool:
     """Whether force and depth disagree by more than the load cell's noise, effects and all."""
-    best = baseline.force_best
+    best, noise = baseline.force_best, baseline.force_noise
     if best is None:
         return False
-    known = best.residual[np.isfinite(best.residual)]
-    return baseline.force_noise.exceeded(float(np.sqrt(np.mean(known**2))) * baseline.force_noise.rms_n, known.size)
+    known = np.isfinite(best.residual)
+    misfit_n = best.residual[known] * noise.rms_n
+    phase = np.broadcast_to(evidence.history.phase[:, None], known.shape)[known]
+    return noise.exceeded(float(np.sqrt(np.mean(misfit_n**2))), len(misfit_n)) or noise.leans(misfit_n, phase)
 
 
 def _felt(claim: Claim, selection: Selection) -> Claim:

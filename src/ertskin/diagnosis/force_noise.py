@@ -32,6 +32,16 @@ class ForceNoise:
         ratio = rmse_n / self.rms_n
         return ratio > MATERIAL and float(f_distribution.sf(ratio**2, count, self.freedom)) < SURELY
 
+    def leans(self, misfit_n: Array, phase: NDArray[np.uint8]) -> bool:
+        """Whether misfits (N,) are materially more than noise and surely of other means going in than coming out.
+
+        A lost motion, say, is no larger than the noise, but of one sign within a stroke.
+        """
+        strokes = [misfit_n[phase == each] for each in np.unique(phase)]
+        between = sum(len(stroke) * (float(stroke.mean()) / self.rms_n) ** 2 for stroke in strokes) / len(strokes)
+        material = float(np.sqrt(np.mean(misfit_n**2))) > MATERIAL * self.rms_n
+        return material and float(f_distribution.sf(between, len(strokes), self.freedom)) < SURELY
+
 
 def force_noise(evidence: Evidence, scatter_n: float) -> ForceNoise:
     """The load cell's noise: in air, on the rigid block, and between presses that repeat the same strokes."""
