@@ -47,7 +47,7 @@ class DaskCluster:
             prepare(compute)
             # A task of its own: sent once, passed on from worker to worker, and made again where its keeper died.
             shared = client.submit(_given, compute, pure=False)
-            futures = [client.submit(_call, shared, number, pure=False) for number in numbers]
+            futures = [client.submit(_call, shared, number, pure=False, priority=-number) for number in numbers]
             for future in as_completed(futures):
                 try:
                     yield future.result()
@@ -62,6 +62,10 @@ class DaskCluster:
         logging.getLogger("distributed").setLevel(logging.WARNING)
         # A worker that samples its own stack a hundred times a second spends its start-up on that.
         quiet: dict[str, Any] = {"distributed.worker.profile.enabled": False}
+        # Every process looks at itself fifty times a second, at the machine twice: a twentieth of the client's core.
+        quiet["distributed.admin.tick.interval"], quiet["distributed.admin.tick.limit"] = "1 s", "10 s"
+        quiet["distributed.admin.system-monitor.interval"] = "10 s"
+        quiet["distributed.worker.memory.monitor-interval"] = "500 ms"
         # What a piece of work has prepared is sent once.
         quiet["distributed.admin.large-graph-warning-threshold"] = "1 GB"
         # Dask leaves what its workers shall find in this process's own environment: no more than it should have.

@@ -84,14 +84,18 @@ class PressForward:
     def _spot(self, place_m: Array) -> Spot:
         """Elements within reach of a contact and the pressure per newton on them."""
         key = (float(place_m[0]), float(place_m[1]))
-        if key not in self._spots:
+        spot = self._spots.get(key)
+        if spot is None:
             offset = self.skin.sheet.quadrature_m - place_m
             within = (offset**2).sum(axis=2) < self._reach_m**2
             elements = np.flatnonzero(within.any(axis=1))
-            self._spots[key] = elements, np.where(within[elements], self.skin.pressure.at(offset[elements]), 0.0)
+            spot = elements, np.where(within[elements], self.skin.pressure.at(offset[elements]), 0.0)
+            self._spots[key] = spot
             if len(self._spots) > _REMEMBERED:
-                del self._spots[next(iter(self._spots))]
-        return self._spots[key]
+                oldest, *_ = self._spots
+                # Another thread may have done so meanwhile.
+                self._spots.pop(oldest, None)
+        return spot
 
     @cached_property
     def _reach_m(self) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from functools import cached_property
 from typing import Any
 
@@ -43,16 +44,19 @@ class SkinForward:
         """(N,P) change of the pair resistances under contacts (N,C,2) with forces (N,C), NaN for an absent one."""
         return self.built.change_ohm(contact_m, force_n)
 
-    def prepare(self) -> PressForward | TrialForward:
-        """Build it, here and now."""
-        return self.built
+    def prepare(self) -> None:
+        """Build it here and now, on all cores."""
+        self.built = self._built(os.cpu_count() or 1)
 
     @cached_property
     def built(self) -> PressForward | TrialForward:
         """The forward model, tables and all."""
+        return self._built(1)
+
+    def _built(self, workers: int) -> PressForward | TrialForward:
         if self.places_m is None:
             return self._pressed(self.resolution)
-        return TrialForward(self._pressed, self.resolution, self.places_m, self.max_force_n)
+        return TrialForward(self._pressed, self.resolution, self.places_m, self.max_force_n, workers=workers)
 
     def _pressed(self, resolution: str | Resolution) -> PressForward:
         return PressForward(skin_of(self.calibration, self.protocol, self.effects, resolution))

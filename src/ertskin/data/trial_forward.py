@@ -39,7 +39,8 @@ class TrialForward:
     """Presses at ``places_m`` (C,2) with forces up to ``max_force_n``, each after a rest; other presses are solved.
 
     What a contact does alone is solved at ``resolution`` for some forces and interpolated; what contacts do together
-    comes from coarser meshes (``physics.conduction.trials``). ``build`` makes the skin at a resolution.
+    comes from coarser meshes (``physics.conduction.trials``). ``build`` makes the skin at a resolution. ``workers``:
+    threads that solve, with the same result for any number.
     """
 
     def __init__(
@@ -49,12 +50,13 @@ class TrialForward:
         places_m: Array,
         max_force_n: float,
         near: str | Resolution = "fast",
+        workers: int = 1,
     ) -> None:
         self.direct = build(resolution)
         fine = PressedSkin(self.direct)
         coarse = fine if resolution == near else PressedSkin(build(near))
         levels = [Level(0.0, coarse), Level(APART_M, PressedSkin(build(FAR)))]
-        self.solver = TrialSolver(fine, levels, places_m, max_force_n)
+        self.solver = TrialSolver(fine, levels, places_m, max_force_n, workers=workers)
 
     def change_ohm(self, contact_m: Array, force_n: Array) -> Array:
         """(N,P) change of the pair resistances under contacts (N,C,2) with forces (N,C), NaN for an absent one."""
