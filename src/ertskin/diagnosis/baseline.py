@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ertskin.diagnosis.evidence import CannotTell, Evidence
 from ertskin.diagnosis.force_fit import ForceData, ForceFit, select_force_effects
 from ertskin.diagnosis.force_noise import ForceNoise, force_noise
-from ertskin.diagnosis.resting import rested
+from ertskin.diagnosis.resting import Noise, rested
 from ertskin.diagnosis.specimen_signal import SpecimenSignal
 from ertskin.diagnosis.specimen_stage import SpecimenFinding, SpecimenTest, specimen_findings
 from hardware.recording import Recording
@@ -28,7 +28,7 @@ FORCE_SIGNIFICANT = 10.0
 class Baseline:
     """``skin`` calibrated at rest, the force stage without and with its effects, forces (T,C) that drive it.
 
-    ``noise_v`` of a whitened scan's numbers, ``stray`` (P,k) and ``traces`` (T,P,m) for the evidence.
+    ``noise`` of whitened scans and ``traces`` (T,P,m) for the evidence.
     """
 
     skin: Skin
@@ -40,8 +40,7 @@ class Baseline:
     specimen_findings: tuple[SpecimenFinding, ...]
     drift: tuple[Effect, ...]
     rest_ratio: float
-    noise_v: float
-    stray: Array
+    noise: Noise
     traces: Array
 
 
@@ -66,14 +65,14 @@ def calibrated(recording: Recording, evidence: Evidence, resolution: str = "fine
     plain, best = _force_stage(evidence, support, share, noise.rms_n)
     contacts = np.full(evidence.protocol.electrodes, max(evidence.sensor.contact_resistance_guess_ohm, 10.0))
     skin = Skin.build(evidence.sensor, evidence.protocol, law.law, contacts, support, (), resolution)
-    skin, ratio, drift, noise_v, stray, traces = rested(skin, evidence)
+    skin, ratio, drift, scatter_at_rest, traces = rested(skin, evidence)
     if best is not None:
         skin = replace(skin, pad_n_per_m=best.pad_n_per_m, effects=(*best.effects, *drift))
     force = _driving_force(evidence, best)
     signal = SpecimenSignal.of(specimen, law.noise_fraction)
     findings, scatter = specimen_findings(SpecimenTest(signal.stress_pa, signal.resistance_ohm_sq, signal.time_s))
     signal = replace(signal, noise_fraction=scatter)
-    return Baseline(skin, plain, best, noise, force, signal, tuple(findings), drift, ratio, noise_v, stray, traces)
+    return Baseline(skin, plain, best, noise, force, signal, tuple(findings), drift, ratio, scatter_at_rest, traces)
 
 
 def _force_stage(

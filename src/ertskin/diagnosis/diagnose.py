@@ -58,6 +58,8 @@ SATURATED = 0.97
 """Confidence that readings piled up or bent at the top of their range are the converter's doing."""
 LONE_PRESS = 2.0
 """Misfit over noise from which a single held-out press is enough to say that something is missing."""
+DOUBT = 2.0
+"""Standard errors of the noise by which a misfit without a name must be more."""
 STANDS_OUT = 3.0
 """Times the median by which a channel's standing error makes it the one that is wrong."""
 
@@ -103,7 +105,8 @@ def _diagnose(recording: Recording, name: str, report: Report, resolution: str, 
     evidence = gather(recording)
     report(0.04, "calibrating at rest, fitting force and depth")
     baseline = calibrated(recording, evidence, resolution)
-    evidence = replace(evidence, noise_v=baseline.noise_v, stray=baseline.stray, traces=baseline.traces)
+    noise = baseline.noise
+    evidence = replace(evidence, noise_v=noise.rms_v, stray=noise.stray, traces=baseline.traces)
     usable = np.isfinite(evidence.scan_v).all(axis=1) & _placed(evidence)
     fitted, held = _split(evidence, usable)
     fitted = thinned(evidence.history, fitted, MOST_FRAMES)
@@ -245,7 +248,8 @@ def _answer(
     )
     instrument = any(c.effect.stage == "acquisition" for c in claims)
     mismatch = bool(force_claims) or force_off or instrument or left > MATERIAL_RATIO
-    broad = ratio_before if claims else _broad_ratio(before, history.press)
+    surely = 1 + DOUBT * baseline.noise.error
+    broad = ratio_before if claims else _broad_ratio(before, history.press) / surely
     verdict = verdict_of(broad, ratio_after, bool(claims), mismatch)
     if verdict == "explained" and (force_off or left > MATERIAL_RATIO):
         verdict = "partly_explained"

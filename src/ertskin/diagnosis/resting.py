@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
@@ -36,10 +36,10 @@ CHANCES, RARELY = 400, 0.01
 """Simulated recordings of white noise, and how rarely one of them may be taken for more."""
 
 
-def rested(skin: Skin, evidence: Evidence) -> tuple[Skin, float, tuple[Effect, ...], float, Array, Array]:
-    """The skin calibrated at rest, misfit over noise, contacts that drift, noise (volt), ``stray`` and ``traces``.
+def rested(skin: Skin, evidence: Evidence) -> tuple[Skin, float, tuple[Effect, ...], Noise, Array]:
+    """The skin calibrated at rest, misfit over noise, contacts that drift, the noise, and ``traces``.
 
-    The last two are what the evidence leaves out: (P,k) and (T,P,m).
+    The last are what the evidence leaves out: (T,P,m).
     """
     good = evidence.rest & np.isfinite(evidence.scan_v).all(axis=1)
     scans = evidence.scan_v[good]
@@ -53,7 +53,7 @@ def rested(skin: Skin, evidence: Evidence) -> tuple[Skin, float, tuple[Effect, .
     time_s, contacts = evidence.history.time_s[good], skin.contact_resistance_ohm
     drift = _contact_drift(scans - mean, time_s, evidence.noise_v, columns, traces, contacts)
     left_out = every[..., : traces.shape[2]]
-    return skin, ratio, drift, *_scatter(clean, columns, evidence.noise_v), left_out
+    return skin, ratio, drift, _scatter(clean, columns, evidence.noise_v), left_out
 
 
 def _calibrated(skin: Skin, mean: Array) -> tuple[Skin, Array, Array]:
@@ -150,8 +150,18 @@ def _shares(change: Array, columns: Array, traces: Array) -> tuple[Array, Array]
 # noise -----------------------------------------------------------------------------------------------------------
 
 
-def _scatter(scans: Array, columns: Array, reading_v: float) -> tuple[float, Array]:
-    """Noise of a whitened scan's numbers, and the directions (P,k) in which rest frames (R,P) scatter more than that.
+@dataclass(frozen=True, eq=False)
+class Noise:
+    """``rms_v`` of a whitened scan's numbers, its standard error over itself, nought where thousands of readings tell
+    it, and ``stray`` (P,k), the directions in which rest frames scatter more than that."""
+
+    rms_v: float
+    error: float
+    stray: Array
+
+
+def _scatter(scans: Array, columns: Array, reading_v: float) -> Noise:
+    """The noise of rest frames (R,P).
 
     From second differences of the rest frames, in which a steady drift is nothing. Coloured noise weighs more in the
     scans than in what no network explains; contacts that jitter do so along their ``columns`` (P,n). The median over
@@ -161,14 +171,18 @@ def _scatter(scans: Array, columns: Array, reading_v: float) -> tuple[float, Arr
     space = np.linalg.qr(columns)[0]
     freedom = width - space.shape[1]
     if count < ENOUGH_RESTS or freedom <= 0:
-        return reading_v, np.zeros((width, 0))
+        return Noise(reading_v, 0.0, np.zeros((width, 0)))
     jump = np.diff(scans, n=2, axis=0) / np.sqrt(6)
     inside = jump @ space
-    outside = float(np.median(((jump - inside @ space.T) ** 2).sum(axis=1))) / freedom
-    noise_v = max(reading_v, float(np.sqrt(outside))) if outside > ((1 + COLOURED) * reading_v) ** 2 else reading_v
+    squares = ((jump - inside @ space.T) ** 2).sum(axis=1) / freedom
+    outside = float(np.median(squares))
+    coloured = outside > ((1 + COLOURED) * reading_v) ** 2
+    noise_v = max(reading_v, float(np.sqrt(outside))) if coloured else reading_v
+    # Of a median, half of it for the root; the squares of overlapping second differences count half.
+    error = 0.5 * 1.25 * float(squares.std()) / outside / np.sqrt(len(jump) / 2) if coloured else 0.0
     size, axes = np.linalg.eigh(inside.T @ inside / len(jump) / noise_v**2)
     more = size > _largest_by_chance(count, len(size))
-    return noise_v, space @ axes[:, more] * np.sqrt(size[more] - 1)
+    return Noise(noise_v, error, space @ axes[:, more] * np.sqrt(size[more] - 1))
 
 
 @cache

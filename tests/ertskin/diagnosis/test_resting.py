@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from ertskin.diagnosis.resting import _largest_by_chance, _needed, _scatter, _shares, _undisturbed_mean, wandering
 
@@ -71,8 +72,19 @@ def test_the_undisturbed_mean_knows_neither_creep_nor_drift() -> None:
 def test_white_noise_strays_in_no_direction() -> None:
     rng = np.random.default_rng(4)
     columns, _ = columns_and_traces(rng)
-    found = [_scatter(rng.standard_normal((FRAMES, NUMBERS)), columns, 1.0)[1].shape[1] for _ in range(40)]
+    found = [_scatter(rng.standard_normal((FRAMES, NUMBERS)), columns, 1.0).stray.shape[1] for _ in range(40)]
     assert np.mean(np.array(found) > 0) <= 0.1
     jitter = rng.standard_normal((FRAMES, NUMBERS)) + np.outer(4 * rng.standard_normal(FRAMES), columns[:, 2])
-    assert _scatter(jitter, columns, 1.0)[1].shape[1] == 1
+    assert _scatter(jitter, columns, 1.0).stray.shape[1] == 1
     assert _largest_by_chance(200, 9) < _largest_by_chance(20, 9)
+
+
+def test_coloured_noise_is_known_as_well_as_it_says():
+    rng = np.random.default_rng(2)
+    columns = rng.standard_normal((NUMBERS, 5))
+    width = np.exp(0.7 * rng.standard_normal(NUMBERS))
+    found = [_scatter(width * rng.standard_normal((FRAMES, NUMBERS)), columns, 0.5) for _ in range(200)]
+    rms = np.array([noise.rms_v for noise in found])
+    stated = np.mean([noise.error for noise in found])
+    assert stated == pytest.approx(rms.std() / rms.mean(), rel=0.4)
+    assert _scatter(rng.standard_normal((FRAMES, NUMBERS)), columns, 1.0).error == 0.0
