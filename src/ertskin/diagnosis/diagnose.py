@@ -32,6 +32,7 @@ from ertskin.diagnosis.remainder import remainder
 from ertskin.diagnosis.residuals import AxisTest, axis_tests, depends_on
 from ertskin.diagnosis.selection import Chosen, Selection, select
 from ertskin.diagnosis.skin_family import SHAPE, Calibration, SkinFamily
+from ertskin.diagnosis.twins import told_apart
 from ertskin.diagnosis.voltage_fit import Solved, Term, VoltageProblem
 from hardware.recording import Recording
 from physics.conduction.mesh import MeshError
@@ -418,7 +419,11 @@ def _force_claim(evidence: Evidence, baseline: Baseline, best: ForceFit, effect:
     for other, starts in STARTS.items():
         if other not in used:
             replaced = min((fit_force(data, [*rest, s], start=best) for s in starts), key=lambda f: f.chi_square)
-            rivals.append(Rival(replaced.effects[-1], 0.5 * (replaced.chi_square - best.chi_square)))
+            short = 0.5 * (replaced.chi_square - best.chi_square)
+            if not told_apart(effect.name, other, evidence.history):
+                # A better fit is that of a form, no more.
+                short = min(short, 0.0)
+            rivals.append(Rival(replaced.effects[-1], short))
     confidence, alternatives = against(tuple(rivals))
     estimates = {}
     known = effect.parameters()
