@@ -18,6 +18,7 @@ from physics.conduction.mesh import MeshError
 from physics.effects.effect import Stage
 from physics.effects.piezo_creep import PiezoCreep
 from physics.effects.piezo_hysteresis import PiezoHysteresis
+from physics.effects.temperature_drift import TemperatureDrift
 
 Array = NDArray[np.float64]
 
@@ -28,6 +29,8 @@ MATERIAL = 1.03
 TRIED = 3
 WORTH_TRYING = 0.15
 """Least part of the best candidate's expected gain that makes another worth a fit."""
+SHARES = 1.0, 0.3, 0.1
+"""Of a candidate's size, at which it is begun."""
 MOST_TERMS = 5
 REFINED = 4
 STILL = 0.97
@@ -203,20 +206,40 @@ def _try(
     """Each candidate fitted for good."""
     results = []
     instrument = any(c.term.effect.stage == "acquisition" for c in candidates)
-    reference = score
+    reference, plain = score, current
     if instrument:
         plain = problem.solve(current.terms, current.calibration, steps=1, leftover=True)
         reference = float(held_out(plain, partitions).sum())
     problem.reuse = True
     for candidate in candidates:
-        solved = problem.solve([*current.terms, candidate.term], current.calibration, steps=4, leftover=instrument)
+        solved = _beside(problem, plain, candidate.term, instrument)
         gain = reference - float(held_out(solved, partitions).sum())
+        if isinstance(candidate.term.effect, TemperatureDrift) and not _shown_at_rest(problem, current, solved):
+            continue
         if getattr(candidate.term.effect, "nodes", ()):
             # Its nodes were fitted to every cell: what it gained where they were not is what counts.
             gain = min(gain, candidate.gain)
         results.append(Trial(solved.terms[-1], gain, solved))
     problem.reuse = False
     return results
+
+
+def _beside(problem: VoltageProblem, current: Solved, term: Term, leftover: bool) -> Solved:
+    """The fit with one more term. A start to first order may lie where no descent comes back from: then from nearer."""
+    fits: list[Solved] = []
+    for share in SHARES:
+        terms = [*current.terms, term.nearer(share)]
+        fits.append(problem.solve(terms, current.calibration, steps=4, leftover=leftover))
+        if fits[-1].cost <= current.cost:
+            break
+    return min(fits, key=lambda fit: fit.cost)
+
+
+def _shown_at_rest(problem: VoltageProblem, current: Solved, drifting: Solved) -> bool:
+    """Whether a drift is seen where nothing presses: what changes from press to press alone may be the places."""
+    rows = problem.evidence.rest & (problem.weight > 0)
+    change = (current.scan_residual[rows] ** 2).sum() - (drifting.scan_residual[rows] ** 2).sum()
+    return bool(0.5 * change > SIGNIFICANT)
 
 
 def _refined(build: Problem, here: Standing, partitions: Sequence[Sequence[int]]) -> Standing:

@@ -28,8 +28,8 @@ PASSES = 2
 PROBE = 0.02
 """Size of a mode at which its derivative is taken."""
 SIGNIFICANT = 15.0
-SHARES = 1.0, 0.5, 0.25, 0.125, 0.0
-"""Of a step to first order, of which the best is taken."""
+SHARES = 1.0, 0.3, 0.1
+"""Of a step to first order, of which the first that lowers the misfit is taken."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,14 +53,14 @@ def with_smooth_fields(problem: VoltageProblem, current: Solved, partitions: Seq
     for number, term in enumerate(current.terms):
         for _ in range(PASSES if isinstance(term.effect, PiezoInhomogeneity | SheetInhomogeneity) and term.free else 0):
             freed = _freed(problem, current, number, partitions)
-            if freed is None or freed.cost > current.cost:
+            if freed is None:
                 break
             current = freed
     return current
 
 
 def _freed(problem: VoltageProblem, current: Solved, number: int, partitions: Sequence[Sequence[int]]) -> Solved | None:
-    """One Gauss-Newton step in the field, then the rest again; None where no field gains, held out, what matters."""
+    """One Gauss-Newton step in the field, then the rest again; None where none gains, held out, what matters."""
     effect = current.terms[number].effect
     assert isinstance(effect, PiezoInhomogeneity | SheetInhomogeneity)
     current = problem.at_hand(current)
@@ -68,9 +68,16 @@ def _freed(problem: VoltageProblem, current: Solved, number: int, partitions: Se
     gain, nodes = best_field(problem, current, others, effect, partitions, LENGTHS)
     if nodes is None or gain < SIGNIFICANT:
         return None
-    terms = list(current.terms)
-    terms[number] = Term(replace(effect, nodes=nodes), terms[number].free)
-    return problem.solve(terms, current.calibration, steps=5)
+    known = np.asarray(effect.nodes) if effect.nodes else np.zeros(SHAPE)
+    for share in SHARES:
+        terms = list(current.terms)
+        # What multiplies is far from linear: a whole step may overshoot.
+        stepped = _plain(known + share * (np.asarray(nodes) - known))
+        terms[number] = Term(replace(effect, nodes=stepped), terms[number].free)
+        freed = problem.solve(terms, current.calibration, steps=5)
+        if freed.cost <= current.cost:
+            return freed
+    return None
 
 
 def best_field(
@@ -103,18 +110,7 @@ def best_field(
             gain, value = added_gain(problem, current, columns, base, specimen, nowhere, partitions, precision)
             if gain > best and np.isfinite(value).all():
                 best, field = gain, value @ modes.values
-    if field is None:
-        return best, None
-
-    def misfit(share: float) -> float:
-        stepped = replace(effect, nodes=_plain(known + share * field.reshape(SHAPE)))
-        wrong = problem.scan_residual(problem.family.skin(current.calibration, (*others, stepped)))
-        total = float((wrong**2).sum())
-        return total if np.isfinite(total) else np.inf
-
-    # A field that multiplies is far from linear: a whole step may overshoot.
-    share = min(SHARES, key=misfit)
-    return (best, _plain(known + share * field.reshape(SHAPE))) if share else (0.0, None)
+    return best, None if field is None else _plain(known + field.reshape(SHAPE))
 
 
 def _plain(nodes: Array) -> Nodes:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,6 +46,17 @@ class Term:
     @property
     def name(self) -> str:
         return self.effect.name
+
+    def nearer(self, share: float) -> Term:
+        """The term where only this share of it is there."""
+        known = self.effect.parameters()
+        defining = {key: getattr(self.effect, key) for key in self.free if known[key].defining}
+        values: dict[str, Any] = {
+            key: known[key].neutral + share * (value - known[key].neutral) for key, value in defining.items()
+        }
+        if nodes := getattr(self.effect, "nodes", ()):
+            values["nodes"] = tuple(tuple(share * value for value in row) for row in nodes)
+        return Term(self.effect.changed(values), self.free)
 
     def at(self, values: Sequence[float]) -> Effect:
         """The effect with its free parameters at these values."""
