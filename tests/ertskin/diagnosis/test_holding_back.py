@@ -15,6 +15,7 @@ from ertskin.diagnosis.settled import Standing
 from ertskin.diagnosis.voltage_fit import Solved, Term, held_out
 from physics.conduction.mesh import MeshError
 from physics.effects.piezo_hysteresis import PiezoHysteresis
+from physics.effects.piezo_inhomogeneity import PiezoInhomogeneity
 
 
 def fitted(slopes: list[float], pulls: list[float]) -> Solved:
@@ -71,3 +72,39 @@ def test_a_trial_that_settles_where_no_sheet_is_gives_way_too(error: Exception, 
     monkeypatch.setattr(selection, "settled", settle)
     trials: list[Any] = [SimpleNamespace(solved="nowhere"), SimpleNamespace(solved="there")]
     assert selection._first_to_hold(None, here, trials) == (trials[1], tame)  # type: ignore[arg-type]
+
+
+def test_a_term_nearer_to_nought_keeps_its_place_and_loses_its_size() -> None:
+    field = ((0.1, 0.2), (0.3, 0.4))
+    effect = PiezoInhomogeneity(amplitude=0.4, x_m=0.05, gradient_x=-0.2, nodes=field)
+    nearer = Term(effect, ("amplitude", "x_m", "gradient_x")).nearer(0.5).effect
+    assert nearer == PiezoInhomogeneity(amplitude=0.2, x_m=0.05, gradient_x=-0.1, nodes=((0.05, 0.1), (0.15, 0.2)))
+
+
+@pytest.mark.parametrize(
+    ("costs", "tried", "chosen"), [([9.0], 1, 9.0), ([50.0, 8.0], 2, 8.0), ([50.0, 40.0, 30.0], 3, 30.0)]
+)
+def test_a_fit_that_does_not_come_back_is_begun_from_nearer(costs: list[float], tried: int, chosen: float) -> None:
+    widths: list[float] = []
+
+    def solve(terms: list[Term], calibration: Any, steps: int, leftover: bool) -> Any:
+        widths.append(terms[-1].effect.width)  # type: ignore[attr-defined]
+        return SimpleNamespace(cost=costs[len(widths) - 1])
+
+    problem: Any = SimpleNamespace(solve=solve)
+    current: Any = SimpleNamespace(terms=(), calibration=None, cost=10.0)
+    found = selection._beside(problem, current, Term(PiezoHysteresis(width=0.2), ("width",)), leftover=False)
+    assert found.cost == chosen
+    assert widths == pytest.approx([0.2 * share for share in selection.SHARES[:tried]])
+
+
+def test_a_drift_must_show_where_nothing_presses() -> None:
+    rest = np.array([True, True, False, False])
+    problem: Any = SimpleNamespace(evidence=SimpleNamespace(rest=rest), weight=np.ones(4))
+
+    def residual(resting: float, pressed: float) -> Any:
+        return SimpleNamespace(scan_residual=np.where(rest, resting, pressed)[:, None] * np.ones((4, 20)))
+
+    before = residual(2.0, 5.0)
+    assert selection._shown_at_rest(problem, before, residual(1.0, 5.0))
+    assert not selection._shown_at_rest(problem, before, residual(2.0, 1.0))
