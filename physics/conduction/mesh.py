@@ -107,9 +107,9 @@ def mesh_sheet(sensor: Sensor, grading: Grading) -> SheetMesh:
 
 def layers(length_m: float, first_m: float, growth: float) -> Array:
     """Distances (0, first_m, ..., length_m) in steps that grow by a constant ratio, at most about ``growth``."""
-    if first_m >= length_m:
-        return np.array([0.0, length_m])
     count = int(np.ceil(np.log(1 + length_m / first_m * (growth - 1)) / np.log(growth) - 0.1))
+    if count < 2 or first_m >= length_m:
+        return np.array([0.0, length_m])
     if count * first_m >= length_m:
         return np.linspace(0.0, length_m, count + 1)
     ratio = brentq(lambda q: first_m * np.sum(q ** np.arange(count)) - length_m, 1.0, 2 * growth)

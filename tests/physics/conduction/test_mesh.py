@@ -125,3 +125,12 @@ def test_a_clockwise_outline_is_refused() -> None:
     sensor = small_sheet()
     with pytest.raises(MeshError, match="counter-clockwise"):
         mesh_sheet(replace(sensor, outline_m=sensor.outline_m[::-1]), COARSE)
+
+
+@pytest.mark.parametrize("growth", [1.5, 2.0, 4.0])
+def test_layers_fill_any_length(growth: float) -> None:
+    for length_m in np.geomspace(1e-5, 0.1, 400):
+        offsets = layers(length_m, 1e-3, growth)
+        assert offsets[0] == 0.0
+        assert offsets[-1] == pytest.approx(length_m)
+        assert (np.diff(offsets) > 0).all()
