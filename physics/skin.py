@@ -19,10 +19,10 @@ from physics.effects.effect import (
     Effect,
     ElectrodeEffect,
     FoamEffect,
-    PiezoEffect,
     PlacementEffect,
     SheetEffect,
 )
+from physics.effects.piezo_chain import fabric_ohm_sq
 from physics.effects.scan_skew import ScanSkew
 from physics.history import History
 from physics.mechanics.pressure import InterfacePressure
@@ -129,18 +129,25 @@ class Skin:
 
     # piezoresistance -----------------------------------------------------------------------------------------------
 
-    def effective_pressure_pa(self, pressure_pa: Array, position_m: Array, time_s: Array) -> Array:
-        """(T,N) pressure the fabric's law answers to, from pressures (T,N) in recording order."""
-        effects = sorted(_of(self.effects, PiezoEffect), key=lambda e: e.order)
-        extent = self.sensor.extent_m
-        return reduce(lambda p, e: e.effective_pressure_pa(p, position_m, time_s, extent), effects, pressure_pa)
+    def fabric_ohm_sq(
+        self, pressure_pa: Array, position_m: Array, time_s: Array, wanted: NDArray[np.intp] | None = None
+    ) -> Array:
+        """(n,N) ohm per square of the pressed fabric at the ``wanted`` times (all by default), before effects on the
+        sheet; from pressures (T,N) in recording order at points (N,2)."""
+        return fabric_ohm_sq(self.piezo, self.effects, pressure_pa, position_m, time_s, self.sensor.extent_m, wanted)
 
-    def sheet_conductance_s(self, effective_pa: Array, position_m: Array) -> Array:
-        """(...,N), or (...,N,3) with anisotropy: conductance in siemens under effective pressures (...,N)."""
-        plain = 1.0 / self.piezo.sheet_resistance_ohm_sq(effective_pa)
+    def sheet_conductance_s(self, fabric_ohm_sq: Array, position_m: Array) -> Array:
+        """(...,N), or (...,N,3) with anisotropy: conductance in siemens of a fabric of (...,N) ohm per square."""
+        plain = 1.0 / fabric_ohm_sq
         order = sorted(_of(self.effects, SheetEffect), key=lambda e: e.name, reverse=True)
         extent = self.sensor.extent_m
         return reduce(lambda s, e: e.conductivity_s(s, position_m, extent), order, plain)
+
+    @cached_property
+    def resting_conductance_s(self) -> Array:
+        """(E*Q,) or (E*Q,3) conductance in siemens of the untouched sheet at its quadrature points."""
+        untouched = self.piezo.sheet_resistance_ohm_sq(np.zeros(self.sheet.weight_m2.size))
+        return self.sheet_conductance_s(untouched, self.sheet.quadrature_m.reshape(-1, 2))
 
     # electrodes ----------------------------------------------------------------------------------------------------
 
@@ -180,7 +187,7 @@ class Skin:
         )
         contacts = self.contact_resistances_ohm(history.time_s, on_pads)
         drift = self.drift(history.time_s)
-        resting = self.sheet_conductance_s(np.zeros(self.sheet.weight_m2.size), self.sheet.quadrature_m.reshape(-1, 2))
+        resting = self.resting_conductance_s
         result = np.empty((len(wanted), self.protocol.electrodes * (self.protocol.electrodes - 1) // 2))
         for group in _groups(contact[wanted], forces[wanted]):
             points, conductance = self.pressed_conductance_s(history.time_s, contact, forces, wanted[group])
@@ -210,9 +217,8 @@ class Skin:
             close |= (apart < 2 * reach).any(axis=1)
         frames = np.flatnonzero(close | self._in_air(contact_m, force_n))
         pressure = self.pressure_pa(position[points], contact_m[frames], force_n[frames])
-        effective = self.effective_pressure_pa(pressure, position[points], time_s[frames])
-        kept = effective[np.searchsorted(frames, rows)]
-        return points, self.sheet_conductance_s(kept, position[points])
+        fabric = self.fabric_ohm_sq(pressure, position[points], time_s[frames], np.searchsorted(frames, rows))
+        return points, self.sheet_conductance_s(fabric, position[points])
 
     @staticmethod
     def _in_air(contact_m: Array, force_n: Array) -> NDArray[np.bool_]:
@@ -221,7 +227,7 @@ class Skin:
 
     @property
     def _tensor(self) -> bool:
-        return self.sheet_conductance_s(np.zeros(1), np.zeros((1, 2))).ndim == 2
+        return self.resting_conductance_s.ndim == 2
 
     def drift(self, time_s: Array) -> Array:
         """(T,) factor on the whole sheet's resistance."""
@@ -240,8 +246,8 @@ class Skin:
     @cached_property
     def _resting(self) -> Solution:
         """The untouched isotropic sheet: a press changes a few percent of it."""
-        sheet = self.sheet_conductance_s(np.zeros(self.sheet.weight_m2.size), self.sheet.quadrature_m.reshape(-1, 2))
-        return self.sheet.solve(sheet.reshape(self.sheet.weight_m2.shape), self.contact_resistance_ohm)
+        sheet = self.resting_conductance_s.reshape(self.sheet.weight_m2.shape)
+        return self.sheet.solve(sheet, self.contact_resistance_ohm)
 
     # readings ------------------------------------------------------------------------------------------------------
 

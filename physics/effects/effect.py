@@ -143,7 +143,7 @@ class PlacementEffect(Effect):
 
 @dataclass(frozen=True)
 class PiezoEffect(Effect):
-    """A piezoresistance effect: what pressure the fabric's law answers to."""
+    """A piezoresistance effect: what pressure the fabric's law answers to, or what multiplies its resistance."""
 
     stage: ClassVar[Stage] = Stage.PIEZORESISTANCE
     order: ClassVar[int] = 0
@@ -151,6 +151,10 @@ class PiezoEffect(Effect):
     def effective_pressure_pa(self, pressure_pa: Array, position_m: Array, time_s: Array, extent_m: Array) -> Array:
         """(T,N) pascal, from pressures (T,N) at points (N,2) over times (T,); ``extent_m`` (2,2) the sheet's box."""
         raise NotImplementedError
+
+    def resistance_factor(self, pressure_pa: Array, position_m: Array, time_s: Array, extent_m: Array) -> Array | float:
+        """(T,N) factor on the law's resistance, from the pressures (T,N) before this effect."""
+        return 1.0
 
 
 @dataclass(frozen=True)

@@ -21,6 +21,9 @@ class PiezoCreep(PiezoEffect):
     With ``decades`` > 0 the mean of six such m, their time constants evenly spread in the logarithm from ``time_s`` on
     over so many decades: fabrics creep with the logarithm of time. They need not creep in proportion to the pressure:
     m follows p to the power ``exponent``, scaled to agree with p at ``AGREED_PA``.
+
+    Where it ``multiplies``, the resistance is that of the law times exp(-fraction m), m following p/(p + half_pa):
+    spots in contact grow, and there are no more of them beyond some pressure.
     """
 
     name: ClassVar[str] = "piezo_creep"
@@ -35,16 +38,33 @@ class PiezoCreep(PiezoEffect):
     decades: float = parameter("1", 0.0, 6.0, 0.0, 0.5, "decades of time constants", defining=False)
 
     exponent: float = parameter("1", 0.1, 2.0, 1.0, 0.1, "power of the pressure that creeps", defining=False)
+    half_pa: float = parameter(
+        "Pa", 100.0, 1e6, 1e4, 1e3, "pressure of half the contact, if multiplied", defining=False
+    )
 
     remembers_air: bool = False
     """Whether what a press left behind goes on into the next; otherwise an unloaded spot has recovered."""
+    multiplies: bool = False
+    """Whether what creeps multiplies the resistance instead of adding to the pressure."""
 
     def effective_pressure_pa(self, pressure_pa: Array, position_m: Array, time_s: Array, extent_m: Array) -> Array:
-        loaded = np.abs(pressure_pa).max(axis=1, initial=0.0) > 0
-        cleared = None if self.remembers_air else ~loaded
-        constants_s = self.time_s * 10 ** (self.decades * STEPS) if self.decades > 0 else [self.time_s]
+        if self.multiplies:
+            return pressure_pa
         drive = pressure_pa
         if self.exponent != 1:
             drive = AGREED_PA * (np.maximum(pressure_pa, 0.0) / AGREED_PA) ** self.exponent
+        return pressure_pa + self.fraction * self._taken_in(drive, pressure_pa, time_s)
+
+    def resistance_factor(self, pressure_pa: Array, position_m: Array, time_s: Array, extent_m: Array) -> Array | float:
+        if not self.multiplies:
+            return 1.0
+        held = np.maximum(pressure_pa, 0.0)
+        return np.exp(-self.fraction * self._taken_in(held / (held + self.half_pa), pressure_pa, time_s))
+
+    def _taken_in(self, drive: Array, pressure_pa: Array, time_s: Array) -> Array:
+        """(T,N) mean of what has followed the drive (T,N) with each time constant."""
+        loaded = np.abs(pressure_pa).max(axis=1, initial=0.0) > 0
+        cleared = None if self.remembers_air else ~loaded
+        constants_s = self.time_s * 10 ** (self.decades * STEPS) if self.decades > 0 else [self.time_s]
         taken_in = sum(lagging(drive, time_s, constant_s, cleared) for constant_s in constants_s)
-        return pressure_pa + self.fraction / len(constants_s) * taken_in
+        return np.asarray(taken_in / len(constants_s))

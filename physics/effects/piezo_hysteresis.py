@@ -10,13 +10,16 @@ from numba import njit
 
 from physics.effects.effect import Array, PiezoEffect, parameter
 
+QUARTILES = np.array([-1.150, -0.319, 0.319, 1.150])
+"""Medians of the four quarters of a standard normal distribution."""
+
 
 @dataclass(frozen=True)
 class PiezoHysteresis(PiezoEffect):
     """A play operator with relative width: the law answers to x, dragged along by p(1-w) <= x <= p(1+w).
 
-    With ``spread`` > 0 the mean of four plays of widths between w(1-spread) and w(1+spread) (Prandtl-Ishlinskii):
-    the turn from loading to unloading gets rounder.
+    With ``spread`` > 0 the mean of four plays (Prandtl-Ishlinskii): the turn from loading to unloading gets rounder.
+    Their lags, the logarithm of p(1+w) over p(1-w), are quantiles of a log-normal distribution about w's.
     """
 
     name: ClassVar[str] = "piezo_hysteresis"
@@ -24,12 +27,12 @@ class PiezoHysteresis(PiezoEffect):
     order: ClassVar[int] = 2
 
     width: float = parameter("1", 0.0, 0.6, 0.0, 0.03, "half the loop's width over the pressure")
-    spread: float = parameter("1", 0.0, 1.0, 0.0, 0.2, "spread of the widths", defining=False)
+    spread: float = parameter("1", 0.0, 1.5, 0.0, 0.2, "standard deviation of the lags' logarithm", defining=False)
 
     def effective_pressure_pa(self, pressure_pa: Array, position_m: Array, time_s: Array, extent_m: Array) -> Array:
         if self.spread == 0:
             return np.asarray(_play(pressure_pa, self.width))
-        parts = self.width * (1 + self.spread * np.array([-0.75, -0.25, 0.25, 0.75]))
+        parts = np.tanh(np.arctanh(self.width) * np.exp(self.spread * QUARTILES))
         return sum((_play(pressure_pa, w) for w in parts), np.zeros_like(pressure_pa)) / len(parts)
 
 

@@ -100,6 +100,7 @@ def _half(sensor: Sensor) -> Array:
 PLANS: dict[str, Callable[[Sensor], History]] = {
     "indentation": lambda sensor: presses(sensor.taxel_m),
     "quick": lambda sensor: presses(sensor.taxel_m[list(QUICK_TAXELS)], STEPS_M[1::2], holds=1),
+    "revisit": lambda sensor: presses(sensor.taxel_m[[*QUICK_TAXELS, QUICK_TAXELS[0]]], STEPS_M[1::2], holds=1),
     "half": lambda sensor: presses(_half(sensor)),
     "repeats": lambda sensor: presses(np.tile(_half(sensor), (2, 1)), holds=1),
     "two_speeds": lambda sensor: presses(_half(sensor), step_s=np.resize([0.5, 3.0], len(_half(sensor)))),
@@ -108,4 +109,5 @@ PLANS: dict[str, Callable[[Sensor], History]] = {
     "test_one": lambda sensor: presses(sensor.taxel_m, STEPS_M - 1.5e-4, holds=0, unloading=False),
     "test_two": weights,
 }
-"""Plans by name. ``half`` and ``quick`` are small; ``no_unloading`` and ``one_speed`` hide what depends on history."""
+"""Plans by name. ``half`` and ``quick`` are small, ``revisit`` is ``quick`` with its first place pressed once more;
+``no_unloading`` and ``one_speed`` hide what depends on history."""

@@ -45,7 +45,7 @@ class PressForward:
         """The untouched sheet."""
         if self._rest is None:
             skin, (elements, points) = self.skin, self.skin.sheet.weight_m2.shape
-            conductance = skin.sheet_conductance_s(np.zeros(elements * points), skin.sheet.quadrature_m.reshape(-1, 2))
+            conductance = skin.resting_conductance_s
             contacts = skin.contact_resistances_ohm(np.zeros(1), np.zeros((1, skin.sheet.electrodes)))[0]
             self._rest = skin.sheet.solve(conductance.reshape(elements, points, *conductance.shape[1:]), contacts)
         return self._rest
@@ -106,8 +106,8 @@ class PressForward:
         position = self.skin.sheet.quadrature_m[elements].reshape(-1, 2)
         pressed = pressure_pa.ravel()
         course = np.stack([np.zeros_like(pressed), pressed, pressed])
-        effective = self.skin.effective_pressure_pa(course, position, np.array([0.0, 1e-3, self.dwell_s]))
-        conductance = self.skin.sheet_conductance_s(effective[-1], position)
+        fabric = self.skin.fabric_ohm_sq(course, position, np.array([0.0, 1e-3, self.dwell_s]), np.array([2]))
+        conductance = self.skin.sheet_conductance_s(fabric[0], position)
         return conductance.reshape(*pressure_pa.shape, *conductance.shape[1:])
 
     @cached_property

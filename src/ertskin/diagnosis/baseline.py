@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ertskin.diagnosis.displaced_pad import displaced_pad
 from ertskin.diagnosis.evidence import CannotTell, Evidence
 from ertskin.diagnosis.force_fit import ForceData, ForceFit, select_force_effects
 from ertskin.diagnosis.force_noise import ForceNoise, force_noise
@@ -16,7 +17,7 @@ from ertskin.diagnosis.specimen_stage import SpecimenFinding, SpecimenTest, spec
 from hardware.recording import Recording
 from physics.calibration.indenter_support import indenter_support
 from physics.calibration.specimen import fit_specimen
-from physics.effects.effect import Effect
+from physics.effects.electrode_displacement import ElectrodeDisplacement
 from physics.skin import Skin
 
 Array = NDArray[np.float64]
@@ -28,7 +29,7 @@ FORCE_SIGNIFICANT = 10.0
 class Baseline:
     """``skin`` calibrated at rest, the force stage without and with its effects, forces (T,C) that drive it.
 
-    ``noise`` of whitened scans and ``traces`` (T,P,m) for the evidence.
+    ``displaced`` a pad that can't be where it should; ``noise`` of whitened scans; ``traces`` (T,P,m) for the evidence.
     """
 
     skin: Skin
@@ -38,8 +39,8 @@ class Baseline:
     force_n: Array
     specimen: SpecimenSignal
     specimen_findings: tuple[SpecimenFinding, ...]
-    drift: tuple[Effect, ...]
     rest_ratio: float
+    displaced: ElectrodeDisplacement | None
     noise: Noise
     traces: Array
 
@@ -66,13 +67,26 @@ def calibrated(recording: Recording, evidence: Evidence, resolution: str = "fine
     contacts = np.full(evidence.protocol.electrodes, max(evidence.sensor.contact_resistance_guess_ohm, 10.0))
     skin = Skin.build(evidence.sensor, evidence.protocol, law.law, contacts, support, (), resolution)
     skin, ratio, drift, scatter_at_rest, traces = rested(skin, evidence)
+    displaced = displaced_pad(skin, evidence, ratio)
     if best is not None:
         skin = replace(skin, pad_n_per_m=best.pad_n_per_m, effects=(*best.effects, *drift))
     force = _driving_force(evidence, best)
     signal = SpecimenSignal.of(specimen, law.noise_fraction)
     findings, scatter = specimen_findings(SpecimenTest(signal.stress_pa, signal.resistance_ohm_sq, signal.time_s))
     signal = replace(signal, noise_fraction=scatter)
-    return Baseline(skin, plain, best, noise, force, signal, tuple(findings), drift, ratio, scatter_at_rest, traces)
+    return Baseline(
+        skin,
+        plain,
+        best,
+        noise,
+        force,
+        signal,
+        tuple(findings),
+        ratio,
+        displaced,
+        scatter_at_rest,
+        traces,
+    )
 
 
 def _force_stage(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -104,6 +104,7 @@ def _trials(problem: VoltageProblem, present: set[str]) -> list[tuple[Probes, Ca
         plain(PiezoCreep(time_s=time_s, remembers_air=remembers), ("fraction",), ("fraction", "time_s"))
     ladder = PiezoCreep(time_s=0.3, decades=4.0, remembers_air=True)
     plain(ladder, ("fraction",), ("fraction", "time_s", "decades"))
+    plain(replace(ladder, multiplies=True), ("fraction",), ("fraction", "time_s", "decades"))
     for sensitivity in (2e-5, 3e-4):
         _loaded_contacts(trials, sensitivity, present)
     placement = ("dx_m", "dy_m", "rotation_rad")

@@ -130,6 +130,8 @@ def _diagnose(recording: Recording, name: str, report: Report, resolution: str, 
     )
     fixed = [Term(e, ("carried",) if isinstance(e, NonlinearFoam) else ()) for e in baseline.skin.effects]
     begun = [(Term(f.effect, f.free), f.rivals) for f in baseline.specimen_findings]
+    if baseline.displaced is not None:
+        begun.append((Term(baseline.displaced, ("dx_m", "dy_m")), ()))
     partitions = [[int(k)] for k in np.unique(cells)]
     selection = selector(build, fixed, begun, start, partitions, report)
     report(0.85, "predicting presses no fit has seen")
@@ -238,7 +240,7 @@ def _answer(
         force_claims = left_over_of_force(force_claims, force_before / noise_n, force_after / noise_n)
     ratios = ratio_before, ratio_after
     left = _leftover_after(evidence, selection)
-    claims = left_over([*claims, *force_claims, *drift_claims(baseline, selection)], *ratios)
+    claims = left_over([*claims, *force_claims, *drift_claims(selection)], *ratios)
     claims = mending(claims, shown={finding.effect.name for finding in baseline.specimen_findings})
     claims = overshadowed(claims, evidence.protocol.orthonormal.shape, ratios, left)
     claims += _instrument_claims(evidence)

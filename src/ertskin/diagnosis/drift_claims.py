@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from ertskin.diagnosis.baseline import Baseline
 from ertskin.diagnosis.claims import Claim
 from ertskin.diagnosis.selection import Selection
 from physics.effects.contact_drift import ContactDrift
@@ -14,9 +13,9 @@ SURE = 0.85
 """Confidence: that the contact moved is measured, why it did isn't."""
 
 
-def drift_claims(baseline: Baseline, selection: Selection) -> list[Claim]:
+def drift_claims(selection: Selection) -> list[Claim]:
     """The drifts without which the readings would be off by more than ``MATERIAL``, each contact by itself."""
-    drifts = [effect for effect in baseline.drift if isinstance(effect, ContactDrift)]
+    drifts = [effect for effect in selection.after.effects if isinstance(effect, ContactDrift)]
     if not drifts:
         return []
     problem, solved = selection.problem, selection.after

@@ -389,8 +389,8 @@ class LinearSkin:
 
     def _relative_at(self, skin: Skin, force_n: Array, position_m: Array, past: Past) -> Array:
         pressure = self._pressure(skin, force_n, position_m, past.frames)
-        effective = skin.effective_pressure_pa(pressure, position_m, self.history.time_s[past.frames])
-        return np.asarray(skin.piezo.zero_ohm_sq / skin.piezo.sheet_resistance_ohm_sq(effective[past.own]))
+        fabric = skin.fabric_ohm_sq(pressure, position_m, self.history.time_s[past.frames], past.own)
+        return np.asarray(skin.piezo.zero_ohm_sq / fabric)
 
     def _pressure(self, skin: Skin, force_n: Array, position_m: Array, frames: Indices) -> Array:
         """Pressures (n,N), remembered for the latest pressure field, mechanics and forces."""
@@ -410,6 +410,10 @@ class LinearSkin:
         regime = (skin.pressure, placement, force_n)
         if not (self._regime[0] is regime[0] and self._regime[1] == placement and self._regime[2] is force_n):
             self._regime, self._pressures = regime, {}
+
+    def contact_ohm(self, skin: Skin) -> Array:
+        """(n,L) contact resistances in ohm under the forces of the wanted frames."""
+        return self._contact_ohm(skin, self.force_n)
 
     def _contact_ohm(self, skin: Skin, force_n: Array) -> Array:
         pads = skin.pad_sample_m

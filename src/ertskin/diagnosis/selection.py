@@ -15,7 +15,9 @@ from ertskin.diagnosis.skin_family import Calibration
 from ertskin.diagnosis.smooth_fields import with_smooth_fields
 from ertskin.diagnosis.voltage_fit import Solved, Term, VoltageProblem, held_out
 from physics.conduction.mesh import MeshError
+from physics.effects.contact_drift import ContactDrift
 from physics.effects.effect import Stage
+from physics.effects.electrode_displacement import ElectrodeDisplacement
 from physics.effects.piezo_creep import PiezoCreep
 from physics.effects.piezo_hysteresis import PiezoHysteresis
 from physics.effects.temperature_drift import TemperatureDrift
@@ -31,6 +33,8 @@ WORTH_TRYING = 0.15
 """Least part of the best candidate's expected gain that makes another worth a fit."""
 SHARES = 1.0, 0.3, 0.1
 """Of a candidate's size, at which it is begun."""
+ALIKE = 0.5
+"""Part of the best form's gain from which another form of the same effect is settled too."""
 MOST_TERMS = 5
 REFINED = 4
 STILL = 0.97
@@ -94,7 +98,8 @@ def select(
         here = settled(build, here.solved)
     before = here.solved
     if begun:
-        here = settled(build, here.problem.solve([*fixed, *(term for term, _ in begun)], before.calibration))
+        here = _begun(build, here, [*fixed, *(term for term, _ in begun)])
+        here, fixed = _without_drifts(build, here, fixed)
         # A form is freed about the fit itself: further off it would mend what linearising leaves.
         here = _refined(build, here, partitions)
     rounds: list[tuple[tuple[str, float], ...]] = []
@@ -121,25 +126,66 @@ def select(
         report(0.25 + 0.1 * turn, f"{trial.term.name} enters")
     chosen, current = _backward(here.problem, here.solved, len(fixed), partitions, stand)
     problem = here.problem
-    if standing(problem, current).strays:
+    there = _where_it_settles(build, problem, current)
+    if there is not None and there.problem is not problem:
         # What is left may fit as well elsewhere only because the skin was linearised far from there.
-        here = settled(build, current)
-        problem = here.problem
-        chosen, current = _backward(problem, here.solved, len(fixed), partitions, stand)
+        problem = there.problem
+        chosen, current = _backward(problem, there.solved, len(fixed), partitions, stand)
     return Selection(before, current, chosen, problem, tuple(rounds))
 
 
+def _begun(build: Problem, plain: Standing, terms: Sequence[Term]) -> Standing:
+    """The fit with terms that another signal has shown; a pad that lies elsewhere needs a mesh of its own first."""
+    calibration = plain.solved.calibration
+    displaced = [t.effect.electrode for t in terms if isinstance(t.effect, ElectrodeDisplacement)]
+    if not displaced:
+        return settled(build, plain.problem.solve(terms, calibration))
+    contacts = np.array(calibration.contact_ohm)
+    # What its contact was fitted to at the wrong place says nothing.
+    contacts[displaced] = np.median(contacts)
+    return settled(build, plain.problem.solve(terms, replace(calibration, contact_ohm=contacts), steps=0))
+
+
+def _without_drifts(build: Problem, here: Standing, fixed: Sequence[Term]) -> tuple[Standing, Sequence[Term]]:
+    """The fit and its fixed terms without contacts that wander, where places that creep explain as much at rest."""
+    still = [term for term in here.solved.terms if not isinstance(term.effect, ContactDrift)]
+    if len(still) == len(here.solved.terms):
+        return here, fixed
+    there = settled(build, here.problem.solve(still, here.solved.calibration))
+    if there.misfit > here.misfit:
+        return here, fixed
+    return there, [term for term in fixed if not isinstance(term.effect, ContactDrift)]
+
+
 def _first_to_hold(build: Problem, here: Standing, trials: Sequence[Trial]) -> tuple[Trial, Standing] | None:
-    """The first trial that, settled, fits frames solved in full no worse than what is there, and where it settles."""
-    for trial in trials:
-        try:
-            there = settled(build, trial.solved)
-        except (MeshError, np.linalg.LinAlgError):
-            # Where it settles there is no such sheet.
+    """The first trial that, settled, fits frames solved in full no worse than what is there, and where it settles.
+
+    Of forms of one name that gain about as much the one that then fits best: what a fit in the skin linearised
+    elsewhere gains doesn't tell between them.
+    """
+    tried: set[str] = set()
+    for first in trials:
+        if first.term.name in tried:
             continue
-        if not there.spoils(here):
-            return trial, there
+        tried.add(first.term.name)
+        forms = [t for t in trials if t.term.name == first.term.name and t.gain > ALIKE * first.gain]
+        places = [(form, _where_it_settles(build, None, form.solved)) for form in forms]
+        held = [(form, there) for form, there in places if there is not None and not there.spoils(here)]
+        if held:
+            return min(held, key=lambda pair: pair[1].misfit)
     return None
+
+
+def _where_it_settles(build: Problem, problem: VoltageProblem | None, solved: Solved) -> Standing | None:
+    """Where a fit comes to rest; made with ``problem`` it may hold as it is. None where there is no such sheet."""
+    try:
+        if problem is not None:
+            there = standing(problem, solved)
+            if not there.strays:
+                return there
+        return settled(build, solved)
+    except (MeshError, np.linalg.LinAlgError):
+        return None
 
 
 def _worth_trying(found: Sequence[Candidate], least: float) -> list[list[Candidate]]:
@@ -179,21 +225,23 @@ def _key(term: Term) -> str:
 
 
 def _different(listed: Sequence[Candidate]) -> list[Candidate]:
-    """The best starts of each name (two at most), the best names first."""
+    """The best starts of each name (two, and a smooth field, at most), the best names first."""
     kept: list[Candidate] = []
     for candidate in listed:
         same = [k for k in kept if k.name == candidate.name]
         forms = {_form(k) for k in same}
         if len({k.name for k in kept} | {candidate.name}) > TRIED:
             continue
-        if not same or (_form(candidate) not in forms and len(same) < 2):
+        smooth = bool(getattr(candidate.term.effect, "nodes", ()))
+        if not same or (_form(candidate) not in forms and (smooth or len(same) < 2)):
             kept.append(candidate)
     return kept
 
 
 def _form(candidate: Candidate) -> tuple[object, ...]:
     effect = candidate.term.effect
-    return candidate.term.free, getattr(effect, "remembers_air", False), bool(getattr(effect, "nodes", ()))
+    flags = (getattr(effect, flag, False) for flag in ("remembers_air", "multiplies"))
+    return candidate.term.free, *flags, bool(getattr(effect, "nodes", ()))
 
 
 def _try(
@@ -213,7 +261,8 @@ def _try(
     problem.reuse = True
     for candidate in candidates:
         solved = _beside(problem, plain, candidate.term, instrument)
-        gain = reference - float(held_out(solved, partitions).sum())
+        # Where the fit at hand predicts badly, another term may seem to gain what it doesn't even fit.
+        gain = min(reference - float(held_out(solved, partitions).sum()), plain.cost - solved.cost)
         if isinstance(candidate.term.effect, TemperatureDrift) and not _shown_at_rest(problem, current, solved):
             continue
         if getattr(candidate.term.effect, "nodes", ()):
@@ -251,10 +300,8 @@ def _refined(build: Problem, here: Standing, partitions: Sequence[Sequence[int]]
         freed = _freed(here, partitions)
         if freed is here.solved:
             break
-        there = standing(here.problem, freed)
-        if there.strays:
-            there = settled(build, freed)
-        if there.spoils(here):
+        there = _where_it_settles(build, here.problem, freed)
+        if there is None or there.spoils(here):
             break
         before, here = here, there
         if here.misfit > STILL * before.misfit:
@@ -265,27 +312,29 @@ def _refined(build: Problem, here: Standing, partitions: Sequence[Sequence[int]]
 def _freed(here: Standing, partitions: Sequence[Sequence[int]]) -> Solved:
     problem, current = here.problem, here.solved
     for number, term in enumerate(current.terms):
-        freer = _freer(term)
-        if freer is None:
-            continue
-        terms = [*current.terms[:number], freer, *current.terms[number + 1 :]]
-        freed = problem.solve(terms, current.calibration)
-        if float(held_out(current, partitions).sum()) - float(held_out(freed, partitions).sum()) > SIGNIFICANT:
-            current = freed
+        for freer in _freer(term):
+            terms = [*current.terms[:number], freer, *current.terms[number + 1 :]]
+            freed = problem.solve(terms, current.calibration)
+            if float(held_out(current, partitions).sum()) - float(held_out(freed, partitions).sum()) > SIGNIFICANT:
+                current = freed
     return with_smooth_fields(problem, current, partitions)
 
 
-def _freer(term: Term) -> Term | None:
-    """The term with more of its form free; None where there is no more to free."""
+def _freer(term: Term) -> list[Term]:
+    """The term with more of its form free, or in its other form; none where there is no more to free."""
     effect = term.effect
     if isinstance(effect, PiezoHysteresis) and term.free == ("width",):
-        return Term(effect.changed({"spread": 0.1}), ("width", "spread"))
-    if isinstance(effect, PiezoCreep) and "exponent" not in term.free:
+        return [Term(effect.changed({"spread": 0.3}), ("width", "spread"))]
+    if isinstance(effect, PiezoCreep) and not {"exponent", "half_pa"} & set(term.free):
         spread = effect
         if effect.decades == 0:
             spread = replace(effect, time_s=max(0.1 * effect.time_s, 0.1), decades=3.0, remembers_air=True)
-        return Term(replace(spread, exponent=0.8), ("fraction", "time_s", "decades", "exponent"))
-    return None
+        added = replace(spread, exponent=0.8, multiplies=False)
+        return [
+            Term(added, ("fraction", "time_s", "decades", "exponent")),
+            Term(replace(spread, multiplies=True), ("fraction", "time_s", "decades", "half_pa")),
+        ]
+    return []
 
 
 def _backward(

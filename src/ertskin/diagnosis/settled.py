@@ -13,11 +13,11 @@ from ertskin.diagnosis.voltage_fit import Solved, VoltageProblem
 Problem = Callable[[Solved | None], VoltageProblem]
 
 FRAMES = 24
-FAR = 0.5
+FAR = 0.25
 """Share of the misfit, or of the noise where that is more, by which linearised frames may be off."""
 WORSE = 1.02
 """Factor by which the misfit of a few frames may grow by chance."""
-TURNS = 4
+TURNS = 6
 
 
 @dataclass(frozen=True, eq=False)

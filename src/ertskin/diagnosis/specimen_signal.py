@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hardware.recording import Specimen
-from physics.effects.effect import PiezoEffect
+from physics.effects.piezo_chain import fabric_ohm_sq
 from physics.effects.piezo_inhomogeneity import PiezoInhomogeneity
 from physics.skin import Skin
 
@@ -38,9 +38,7 @@ class SpecimenSignal:
         return np.asarray((ratio / ratio.mean() - 1) / self.noise_fraction)
 
     def _shape(self, skin: Skin) -> Array:
-        pressure = self.stress_pa[:, None]
-        nowhere = np.zeros((1, 2))
-        effects = [e for e in skin.effects if isinstance(e, PiezoEffect) and not isinstance(e, PiezoInhomogeneity)]
-        for effect in sorted(effects, key=lambda e: e.order):
-            pressure = effect.effective_pressure_pa(pressure, nowhere, self.time_s, skin.sensor.extent_m)
-        return np.asarray(skin.piezo.sheet_resistance_ohm_sq(pressure[:, 0]) / skin.piezo.zero_ohm_sq)
+        effects = [e for e in skin.effects if not isinstance(e, PiezoInhomogeneity)]
+        nowhere, extent = np.zeros((1, 2)), skin.sensor.extent_m
+        fabric = fabric_ohm_sq(skin.piezo, effects, self.stress_pa[:, None], nowhere, self.time_s, extent)
+        return fabric[:, 0] / skin.piezo.zero_ohm_sq

@@ -12,6 +12,7 @@ from scipy.optimize import least_squares
 
 from ertskin.diagnosis.claims import Rival
 from physics.effects.effect import PiezoEffect
+from physics.effects.piezo_chain import felt
 from physics.effects.piezo_creep import PiezoCreep
 from physics.effects.piezo_hysteresis import PiezoHysteresis
 
@@ -38,6 +39,10 @@ STARTS: tuple[Term, ...] = (
         PiezoCreep(fraction=0.2, time_s=0.05, decades=3.5, exponent=0.5, remembers_air=True),
         ("fraction", "time_s", "decades", "exponent"),
     ),
+    (
+        PiezoCreep(fraction=0.1, time_s=0.3, decades=3.0, remembers_air=True, multiplies=True),
+        ("fraction", "time_s", "decades", "half_pa"),
+    ),
 )
 
 
@@ -51,11 +56,9 @@ class SpecimenTest:
 
     def residual(self, effects: Sequence[PiezoEffect]) -> Array:
         """(N,) relative residuals with these effects, the law fitted anew."""
-        pressure = self.stress_pa[:, None]
-        for effect in sorted(effects, key=lambda e: e.order):
-            pressure = effect.effective_pressure_pa(pressure, np.zeros((1, 2)), self.time_s, np.zeros((2, 2)))
+        pressure, factor = felt(effects, self.stress_pa[:, None], np.zeros((1, 2)), self.time_s, np.zeros((2, 2)))
         coordinate = 2 * np.clip(pressure[:, 0] / pressure.max(), 0.0, 1.0) - 1
-        design = chebyshev.chebvander(coordinate, ORDER) / self.resistance_ohm_sq[:, None]
+        design = chebyshev.chebvander(coordinate, ORDER) * factor / self.resistance_ohm_sq[:, None]
         law = np.linalg.lstsq(design, np.ones(len(design)), rcond=None)[0]
         return np.asarray(design @ law - 1)
 

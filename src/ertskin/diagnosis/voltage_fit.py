@@ -140,7 +140,7 @@ class VoltageProblem:
 
     # fitting -------------------------------------------------------------------------------------------------------
 
-    def solve(self, terms: Sequence[Term], start: Calibration, *, steps: int = 10, leftover: bool = False) -> Solved:
+    def solve(self, terms: Sequence[Term], start: Calibration, *, steps: int = 30, leftover: bool = False) -> Solved:
         """Best calibration and effects; ``leftover`` counts the non-reciprocal part even without a term in it."""
         self._always_leftover = leftover
         layout = _Layout(tuple(terms), len(start.vector()))
@@ -258,10 +258,11 @@ class VoltageProblem:
     def contact_columns(self, skin: Skin) -> Array:
         """(T,P,L) change of the scans per unit logarithm of each contact resistance, in units of the noise."""
         result = np.zeros((*self.evidence.scan_v.shape, len(skin.contact_resistance_ohm)))
+        contact_ohm = self.linear.contact_ohm(skin)
         for patch in self.linear.patches:
             for k, state in enumerate(patch.states):
                 rows = patch.rows[patch.state_of == k]
-                result[rows] = state.contact * state.contact_ohm
+                result[rows] = state.contact * contact_ohm[rows, None]
         return np.where(self.weight[:, None, None] > 0, result / self.evidence.noise_v, 0.0)
 
 

@@ -1,0 +1,42 @@
+"""The fabric under pressure: what its effects, one after another, make of the law."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from physics.effects.effect import Array, Effect, PiezoEffect
+from physics.piezo.polynomial import PiezoPolynomial
+
+
+def felt(
+    effects: Sequence[Effect], pressure_pa: Array, position_m: Array, time_s: Array, extent_m: Array
+) -> tuple[Array, Array]:
+    """(T,N) pressure in pascal that the law answers to and (T,N) or (1,1) factor on its resistance.
+
+    ``pressure_pa`` (T,N) in recording order at points (N,2) over times (T,); ``extent_m`` (2,2) the sheet's box.
+    """
+    factor = np.ones((1, 1))
+    chain = [effect for effect in effects if isinstance(effect, PiezoEffect)]
+    for effect in sorted(chain, key=lambda e: e.order):
+        factor = factor * effect.resistance_factor(pressure_pa, position_m, time_s, extent_m)
+        pressure_pa = effect.effective_pressure_pa(pressure_pa, position_m, time_s, extent_m)
+    return pressure_pa, factor
+
+
+def fabric_ohm_sq(
+    law: PiezoPolynomial,
+    effects: Sequence[Effect],
+    pressure_pa: Array,
+    position_m: Array,
+    time_s: Array,
+    extent_m: Array,
+    wanted: NDArray[np.intp] | None = None,
+) -> Array:
+    """(n,N) ohm per square at the ``wanted`` times (n,), all T by default; arguments as of ``felt``."""
+    pressure_pa, factor = felt(effects, pressure_pa, position_m, time_s, extent_m)
+    if wanted is not None:
+        pressure_pa, factor = pressure_pa[wanted], factor if len(factor) == 1 else factor[wanted]
+    return np.asarray(factor * law.sheet_resistance_ohm_sq(pressure_pa))
