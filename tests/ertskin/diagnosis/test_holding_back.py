@@ -49,9 +49,26 @@ def test_a_term_that_spoils_frames_solved_in_full_gives_way_to_the_next(monkeypa
     here, wild, tame = (Standing(None, None, misfit, 0.0) for misfit in (3.0, 9.0, 2.0))  # type: ignore[arg-type]
     settle = {"wild": wild, "tame": tame}
     monkeypatch.setattr(selection, "settled", lambda build, solved: settle[solved])
-    trials: list[Any] = [SimpleNamespace(solved="wild"), SimpleNamespace(solved="tame")]
+    trials = [trial("wild", "one", 50.0), trial("tame", "other", 40.0)]
     assert selection._first_to_hold(None, here, trials) == (trials[1], tame)  # type: ignore[arg-type]
     assert selection._first_to_hold(None, here, trials[:1]) is None  # type: ignore[arg-type]
+
+
+def trial(solved: str, name: str, gain: float) -> Any:
+    return SimpleNamespace(solved=solved, term=SimpleNamespace(name=name), gain=gain)
+
+
+@pytest.mark.parametrize(("gain", "best"), [(30.0, "second"), (20.0, "first")])
+def test_of_forms_that_gain_alike_the_one_that_fits_best_where_it_settles(
+    gain: float, best: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    here, first, second = (Standing(None, None, misfit, 0.0) for misfit in (3.0, 2.0, 1.5))  # type: ignore[arg-type]
+    settle = {"first": first, "second": second}
+    monkeypatch.setattr(selection, "settled", lambda build, solved: settle[solved])
+    trials = [trial("first", "spot", 50.0), trial("second", "spot", gain)]
+    found = selection._first_to_hold(None, here, trials)  # type: ignore[arg-type]
+    assert found is not None
+    assert found[1] is settle[best]
 
 
 def test_an_interval_is_no_narrower_than_forms_differ_and_keeps_to_the_range() -> None:
@@ -70,7 +87,7 @@ def test_a_trial_that_settles_where_no_sheet_is_gives_way_too(error: Exception, 
 
     here, tame = (Standing(None, None, misfit, 0.0) for misfit in (3.0, 2.0))  # type: ignore[arg-type]
     monkeypatch.setattr(selection, "settled", settle)
-    trials: list[Any] = [SimpleNamespace(solved="nowhere"), SimpleNamespace(solved="there")]
+    trials = [trial("nowhere", "one", 50.0), trial("there", "other", 40.0)]
     assert selection._first_to_hold(None, here, trials) == (trials[1], tame)  # type: ignore[arg-type]
 
 

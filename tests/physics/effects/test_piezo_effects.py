@@ -5,9 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from physics.effects.piezo_chain import fabric_ohm_sq
 from physics.effects.piezo_creep import PiezoCreep
 from physics.effects.piezo_hysteresis import PiezoHysteresis
 from physics.effects.piezo_inhomogeneity import PiezoInhomogeneity
+from physics.piezo.polynomial import PiezoPolynomial
 
 EXTENT = np.array([[0.0, 0.0], [0.12, 0.12]])
 NOWHERE = np.zeros((1, 2))
@@ -48,6 +50,31 @@ def test_creep_forgets_in_the_air_unless_told_otherwise() -> None:
     pressure, time_s = [0, 1e4, 1e4, 0, 1e4], [0.0, 1e-6, 50.0, 50.1, 50.100001]
     assert through(PiezoCreep(fraction=0.5, time_s=5.0), pressure, time_s)[-1] == pytest.approx(1e4, rel=1e-3)
     assert through(PiezoCreep(fraction=0.5, time_s=5.0, remembers_air=True), pressure, time_s)[-1] > 1.4e4
+
+
+def test_creep_that_multiplies_loses_its_fraction_of_the_logarithm_of_resistance() -> None:
+    law = PiezoPolynomial(np.array([0.6, -0.4]), 6e4, 2e4)
+    creep = PiezoCreep(fraction=0.3, time_s=7.0, half_pa=5e3, multiplies=True)
+    pressure, time_s = np.array([[0.0], [1e4], [1e4]]), np.array([0.0, 1e-9, 7.0])
+    plain = fabric_ohm_sq(law, (), pressure, NOWHERE, time_s, EXTENT)
+    crept = fabric_ohm_sq(law, (creep,), pressure, NOWHERE, time_s, EXTENT)
+    contact = 1e4 / (1e4 + 5e3)
+    np.testing.assert_allclose(np.log(crept / plain)[:, 0], [0.0, 0.0, -0.3 * contact * (1 - np.exp(-1))], atol=1e-6)
+    np.testing.assert_array_equal(
+        crept[[2]], fabric_ohm_sq(law, (creep,), pressure, NOWHERE, time_s, EXTENT, np.array([2]))
+    )
+
+
+def test_plays_of_spread_lags_round_the_turn_and_keep_the_median_loop() -> None:
+    up = np.linspace(0, 1e4, 400)
+    path = np.concatenate([up, up[::-1]])
+    sharp, round_ = (through(PiezoHysteresis(width=0.1, spread=s), path, np.arange(800.0)) for s in (0.0, 0.8))
+    held = (np.abs(np.diff(found[400:])) < 1e-9 for found in (sharp, round_))
+    first, second = (int(np.argmin(still)) for still in held)
+    assert second < 0.6 * first
+    loop = [found[600] - found[199] for found in (sharp, round_)]
+    assert loop[1] == pytest.approx(loop[0], rel=0.45)
+    assert loop[1] > loop[0]
 
 
 def test_inhomogeneity_is_a_spot_on_a_slope() -> None:
