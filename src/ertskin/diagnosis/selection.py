@@ -35,6 +35,8 @@ SHARES = 1.0, 0.3, 0.1
 """Of a candidate's size, at which it is begun."""
 ALIKE = 0.5
 """Part of the best form's gain from which another form of the same effect is settled too."""
+INDISPENSABLE = 2.0
+"""Factor on the misfit from which on what a term's absence costs isn't owed to too free a form."""
 MOST_TERMS = 5
 REFINED = 4
 STILL = 0.97
@@ -356,6 +358,9 @@ def _backward(
             rest = [t for i, t in enumerate(current.terms) if i != k]
             without = problem.solve(rest, current.calibration, steps=5, leftover=instrument)
             loss = float(held_out(without, partitions).sum()) - score
+            if without.cost > INDISPENSABLE * current.cost:
+                # However badly the cells predict one another with it.
+                loss = max(loss, without.cost - current.cost)
             if loss < max(SIGNIFICANT, material_cost(frames, score)) and (dropped is None or loss < dropped[0]):
                 dropped = (loss, without)
             term = current.terms[k]

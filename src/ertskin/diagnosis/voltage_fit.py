@@ -140,7 +140,7 @@ class VoltageProblem:
 
     # fitting -------------------------------------------------------------------------------------------------------
 
-    def solve(self, terms: Sequence[Term], start: Calibration, *, steps: int = 30, leftover: bool = False) -> Solved:
+    def solve(self, terms: Sequence[Term], start: Calibration, *, steps: int = 15, leftover: bool = False) -> Solved:
         """Best calibration and effects; ``leftover`` counts the non-reciprocal part even without a term in it."""
         self._always_leftover = leftover
         layout = _Layout(tuple(terms), len(start.vector()))
