@@ -317,7 +317,9 @@ def _freed(here: Standing, partitions: Sequence[Sequence[int]]) -> Solved:
         for freer in _freer(term):
             terms = [*current.terms[:number], freer, *current.terms[number + 1 :]]
             freed = problem.solve(terms, current.calibration)
-            if float(held_out(current, partitions).sum()) - float(held_out(freed, partitions).sum()) > SIGNIFICANT:
+            gain = float(held_out(current, partitions).sum()) - float(held_out(freed, partitions).sum())
+            # No name hangs on a form, and so few numbers can't lower the misfit that much by chance.
+            if gain > SIGNIFICANT or freed.cost < STILL**2 * current.cost:
                 current = freed
     return with_smooth_fields(problem, current, partitions)
 
