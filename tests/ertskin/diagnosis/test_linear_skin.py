@@ -1,0 +1,108 @@
+"""The skin linearised about its states: the same where it was made, with true derivatives wherever a fit takes it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from ertskin.diagnosis.evidence import Evidence
+from ertskin.diagnosis.linear_skin import LinearSkin
+from ertskin.diagnosis.voltage_fit import VoltageProblem
+from physics.conduction.mesh import Grading
+from physics.conduction.sheet import Resolution
+from physics.effects.contact_pressure_dependence import ContactPressureDependence
+from physics.effects.piezo_creep import PiezoCreep
+from physics.effects.temperature_drift import TemperatureDrift
+from physics.history import History, Phase
+from physics.piezo.polynomial import PiezoPolynomial
+from physics.protocol import Protocol, electrode_pairs
+from physics.sensor import Layer, Sensor, rectangle_m
+from physics.skin import Skin
+
+SMALL = Resolution(2, Grading(cell_m=6e-3, rim_m=2e-3, growth=2.0))
+CENTERS = np.array([[0.006, 0.006], [0.054, 0.006], [0.054, 0.054], [0.006, 0.054], [0.03, 0.006], [0.03, 0.054]])
+NOISE_V = 2e-3
+
+
+@pytest.fixture(scope="module")
+def skin() -> Skin:
+    """Six electrodes, a creeping fabric, contacts that follow the pressure and a drifting sheet."""
+    sensor = Sensor(
+        outline_m=rectangle_m((0.06, 0.06)),
+        sheet_resistance_ohm_sq=18_000.0,
+        electrode_center_m=CENTERS,
+        electrode_size_m=np.full((6, 2), 4e-3),
+        layers=(Layer("foam", 4e-3, 3e4, 0.3), Layer("fabric", 4e-4, 3e5, 0.4), Layer("sheet", 4e-4, 3e5, 0.4)),
+        piezo_interface=1,
+        pad_margin_m=0.03,
+    )
+    effects = (
+        PiezoCreep(fraction=0.1, time_s=1.0, decades=2.0, multiplies=True, remembers_air=True),
+        ContactPressureDependence(sensitivity_per_pa=1e-4),
+        TemperatureDrift(rate_per_h=0.2),
+    )
+    stress = np.linspace(0, 6e4, 40)
+    law = PiezoPolynomial.fit(stress, 4e3 + 1.4e4 * np.exp(-stress / 1e4))
+    scan = Protocol.against_sink(electrode_pairs(6), 6, 1e-4)
+    return Skin.build(sensor, scan, law, np.linspace(200.0, 900.0, 6), 9000.0, effects, SMALL)
+
+
+@pytest.fixture(scope="module")
+def history() -> History:
+    """Two presses to 2 mm and back, frames at rest about them."""
+    depth_m = np.array([np.nan, 1e-3, 2e-3, 1e-3] * 2 + [np.nan])
+    phase = [Phase.REST, Phase.LOADING, Phase.LOADING, Phase.UNLOADING] * 2 + [Phase.REST]
+    press = np.repeat([0, 1, 2], [4, 4, 1])
+    place = np.array([[0.012, 0.01], [0.03, 0.04], [np.nan, np.nan]])[press]
+    contact_m = np.where(np.isfinite(depth_m)[:, None], place, np.nan)[:, None]
+    nowhere = np.full((len(press), 1), np.nan)
+    return History(5.0 * np.arange(9), press, np.array(phase, dtype=np.uint8), contact_m, depth_m[:, None], nowhere)
+
+
+@pytest.fixture(scope="module")
+def linear(skin: Skin, history: History) -> LinearSkin:
+    force_n = np.nan_to_num(skin.force_n(history))
+    return LinearSkin(skin, history, force_n, np.arange(len(history)), None)
+
+
+def whole(skin: Skin, linear: LinearSkin) -> np.ndarray:
+    """(T,P) scans of the skin solved in full."""
+    readings = skin.readings_v(linear.history, linear.force_n)
+    return readings.reshape(len(readings), -1) @ skin.protocol.orthonormal
+
+
+def test_it_is_the_skin_where_it_was_made(skin: Skin, linear: LinearSkin) -> None:
+    signal = np.ptp(whole(skin, linear), axis=0).max()
+    # Whatever moves less than that part shares a solution with its like.
+    np.testing.assert_allclose(linear.scans(skin), whole(skin, linear), atol=5e-3 * signal)
+
+
+def test_contact_derivatives_are_those_of_where_the_fit_is(skin: Skin, linear: LinearSkin) -> None:
+    frames, pairs = len(linear.history), skin.protocol.orthonormal.shape[1]
+    evidence = Evidence(
+        sensor=skin.sensor,
+        protocol=skin.protocol,
+        history=linear.history,
+        scan_v=np.zeros((frames, pairs)),
+        leftover_v=np.zeros((frames, *skin.protocol.shape), dtype=np.float32),
+        spike_fraction=0.0,
+        noise_v=NOISE_V,
+        leftover_noise_v=NOISE_V,
+        air_n=0.01,
+        saturated_v=None,
+        stray=np.zeros((pairs, 0)),
+        traces=np.zeros((frames, pairs, 0)),
+        leftover_share=1.0,
+    )
+    cells = np.zeros(frames, dtype=np.intp)
+    problem = VoltageProblem(evidence, None, linear, None, cells, np.ones(frames))  # type: ignore[arg-type]
+    # As far from where the skin was linearised as a fit may go.
+    there = replace(skin, contact_resistance_ohm=skin.contact_resistance_ohm * np.array([0.3, 3.0, 1.0, 0.5, 2.0, 1.0]))
+    columns = problem.contact_columns(there)
+    for electrode in range(6):
+        step = 1e-4 * (np.arange(6) == electrode)
+        moved = replace(there, contact_resistance_ohm=there.contact_resistance_ohm * np.exp(step))
+        change = -(problem.scan_residual(moved) - problem.scan_residual(there)) / 1e-4
+        np.testing.assert_allclose(columns[..., electrode], change, rtol=1e-3, atol=1e-3 * np.abs(change).max())
