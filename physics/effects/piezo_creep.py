@@ -16,30 +16,32 @@ AGREED_PA = 1e4
 
 @dataclass(frozen=True)
 class PiezoCreep(PiezoEffect):
-    """The law answers to p + fraction m, m following p with time constant tau: the fabrics settle into one another.
+    """The fabrics settle into one another: the resistance goes on falling under a pressure that stays.
 
-    With ``decades`` > 0 the mean of six such m, their time constants evenly spread in the logarithm from ``time_s`` on
-    over so many decades: fabrics creep with the logarithm of time. They need not creep in proportion to the pressure:
-    m follows p to the power ``exponent``, scaled to agree with p at ``AGREED_PA``.
+    The law answers to p + fraction m, m following p with time constant tau. With ``decades`` > 0 it is the mean of six
+    such m, their time constants evenly spread in the logarithm from ``time_s`` on over so many decades: fabrics creep
+    with the logarithm of time. They need not creep in proportion to the pressure: m follows p to the power
+    ``exponent``, scaled to agree with p at ``AGREED_PA``.
 
-    Where it ``multiplies``, the resistance is that of the law times exp(-fraction m), m following p/(p + half_pa):
-    spots in contact grow, and there are no more of them beyond some pressure.
+    Where it ``multiplies``, the law's resistance is multiplied by exp(-fraction m), m following 1 - 2^(-p/half_pa):
+    spots in contact grow, and gaps of exponentially distributed widths leave ever fewer to close.
     """
 
     name: ClassVar[str] = "piezo_creep"
     source: ClassVar[str] = (
-        "Standard linear solid in compliance; FSR drift, Hollinger & Wanderley (NIME 2006); Nutting (1921)"
+        "Standard linear solid in compliance; FSR drift, Hollinger & Wanderley (NIME 2006); Nutting (1921); "
+        "gaps as in Greenwood & Williamson, Proc. R. Soc. A 295 (1966) 300"
     )
     order: ClassVar[int] = 3
 
-    fraction: float = parameter("1", 0.0, 2.0, 0.0, 0.02, "extra pressure felt after a long hold, over the pressure")
+    fraction: float = parameter("1", 0.0, 2.0, 0.0, 0.02, "share of the pressure that is felt in addition")
     time_s: float = parameter("s", 0.05, 5000.0, 5.0, 1.0, "time constant", defining=False)
 
     decades: float = parameter("1", 0.0, 6.0, 0.0, 0.5, "decades of time constants", defining=False)
 
     exponent: float = parameter("1", 0.1, 2.0, 1.0, 0.1, "power of the pressure that creeps", defining=False)
     half_pa: float = parameter(
-        "Pa", 100.0, 1e6, 1e4, 1e3, "pressure of half the contact, if multiplied", defining=False
+        "Pa", 100.0, 1e6, 1e4, 1e3, "pressure that closes half the gaps, if multiplied", defining=False
     )
 
     remembers_air: bool = False
@@ -58,8 +60,8 @@ class PiezoCreep(PiezoEffect):
     def resistance_factor(self, pressure_pa: Array, position_m: Array, time_s: Array, extent_m: Array) -> Array | float:
         if not self.multiplies:
             return 1.0
-        held = np.maximum(pressure_pa, 0.0)
-        return np.exp(-self.fraction * self._taken_in(held / (held + self.half_pa), pressure_pa, time_s))
+        closed = 1.0 - np.exp2(-np.maximum(pressure_pa, 0.0) / self.half_pa)
+        return np.exp(-self.fraction * self._taken_in(closed, pressure_pa, time_s))
 
     def _taken_in(self, drive: Array, pressure_pa: Array, time_s: Array) -> Array:
         """(T,N) mean of what has followed the drive (T,N) with each time constant."""

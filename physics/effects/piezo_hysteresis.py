@@ -10,8 +10,8 @@ from numba import njit
 
 from physics.effects.effect import Array, PiezoEffect, parameter
 
-QUARTILES = np.array([-1.150, -0.319, 0.319, 1.150])
-"""Medians of the four quarters of a standard normal distribution."""
+EIGHTHS = np.array([-1.150, -0.319, 0.319, 1.150])
+"""Where a standard normal distribution has 1, 3, 5 and 7 eighths below."""
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,7 @@ class PiezoHysteresis(PiezoEffect):
     def effective_pressure_pa(self, pressure_pa: Array, position_m: Array, time_s: Array, extent_m: Array) -> Array:
         if self.spread == 0:
             return np.asarray(_play(pressure_pa, self.width))
-        parts = np.tanh(np.arctanh(self.width) * np.exp(self.spread * QUARTILES))
+        parts = np.tanh(np.arctanh(self.width) * np.exp(self.spread * EIGHTHS))
         return sum((_play(pressure_pa, w) for w in parts), np.zeros_like(pressure_pa)) / len(parts)
 
 

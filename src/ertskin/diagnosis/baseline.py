@@ -66,26 +66,27 @@ def calibrated(recording: Recording, evidence: Evidence, resolution: str = "fine
     plain, best = _force_stage(evidence, support, share, noise.rms_n)
     contacts = np.full(evidence.protocol.electrodes, max(evidence.sensor.contact_resistance_guess_ohm, 10.0))
     skin = Skin.build(evidence.sensor, evidence.protocol, law.law, contacts, support, (), resolution)
-    skin, ratio, drift, scatter_at_rest, traces = rested(skin, evidence)
-    displaced = displaced_pad(skin, evidence, ratio)
+    at_rest = rested(skin, evidence)
+    skin = at_rest.skin
+    displaced = displaced_pad(skin, at_rest.scan_v, at_rest.scan_noise_v, at_rest.misfit, resolution)
     if best is not None:
-        skin = replace(skin, pad_n_per_m=best.pad_n_per_m, effects=(*best.effects, *drift))
+        skin = replace(skin, pad_n_per_m=best.pad_n_per_m, effects=(*best.effects, *at_rest.drift))
     force = _driving_force(evidence, best)
     signal = SpecimenSignal.of(specimen, law.noise_fraction)
     findings, scatter = specimen_findings(SpecimenTest(signal.stress_pa, signal.resistance_ohm_sq, signal.time_s))
     signal = replace(signal, noise_fraction=scatter)
     return Baseline(
-        skin,
-        plain,
-        best,
-        noise,
-        force,
-        signal,
-        tuple(findings),
-        ratio,
-        displaced,
-        scatter_at_rest,
-        traces,
+        skin=skin,
+        force_plain=plain,
+        force_best=best,
+        force_noise=noise,
+        force_n=force,
+        specimen=signal,
+        specimen_findings=tuple(findings),
+        rest_ratio=at_rest.misfit,
+        displaced=displaced,
+        noise=at_rest.noise,
+        traces=at_rest.traces,
     )
 
 

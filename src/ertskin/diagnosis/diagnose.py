@@ -241,7 +241,10 @@ def _answer(
     ratios = ratio_before, ratio_after
     left = _leftover_after(evidence, selection)
     claims = left_over([*claims, *force_claims, *drift_claims(selection)], *ratios)
-    claims = mending(claims, shown={finding.effect.name for finding in baseline.specimen_findings})
+    shown = {finding.effect.name for finding in baseline.specimen_findings}
+    if baseline.displaced is not None:
+        shown.add(baseline.displaced.name)
+    claims = mending(claims, shown)
     claims = overshadowed(claims, evidence.protocol.orthonormal.shape, ratios, left)
     claims += _instrument_claims(evidence)
     claims.sort(key=lambda c: (c.effect.name == ContactDrift.name, -c.ratio_alone))

@@ -1,6 +1,6 @@
-"""Pads whose contact resistance runs to nothing at rest: no contact is that good, they lie nearer to the others.
+"""A pad whose contact resistance runs to nothing at rest: no contact is that good, it lies nearer to the others.
 
-A pad that far from its place can't be found by derivatives at its nominal place, where its contact hides it.
+So far from its place it can't be found by derivatives at its nominal place, where its contact hides it.
 """
 
 from __future__ import annotations
@@ -8,9 +8,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ertskin.diagnosis.evidence import Evidence
 from ertskin.diagnosis.sensitivity import PadRims
 from physics.conduction.mesh import MeshError
+from physics.conduction.sheet import Resolution, SheetModel
 from physics.effects.electrode_displacement import ElectrodeDisplacement
 from physics.skin import Skin
 
@@ -27,43 +27,51 @@ WORTH = 0.5
 """Part of the mean square misfit at rest that a displacement may leave."""
 
 
-def displaced_pad(skin: Skin, evidence: Evidence, misfit: float) -> ElectrodeDisplacement | None:
+def displaced_pad(
+    skin: Skin, rest_v: Array, noise_v: float, misfit: float, resolution: str | Resolution = "fine"
+) -> ElectrodeDisplacement | None:
     """The pad with the best contact of all, moved to where it fits the resting scan; None where no pad need be.
 
-    ``skin`` is calibrated at rest and ``misfit`` is what that has left, over the noise.
+    ``skin`` is calibrated to the mean resting scan ``rest_v`` (P,) with noise ``noise_v``, which left it ``misfit``.
     """
     contacts = skin.contact_resistance_ohm
     electrode = int(np.argmin(contacts))
     usual = float(np.median(contacts))
-    if contacts[electrode] > VANISHED * usual or evidence.sensor.electrode_edge_m is not None:
+    if contacts[electrode] > VANISHED * usual or skin.sensor.electrode_edge_m is not None:
         return None
-    good = evidence.rest & np.isfinite(evidence.scan_v).all(axis=1)
-    noise_v = evidence.noise_v / np.sqrt(good.sum())
-    rest_v = evidence.scan_v[good].mean(axis=0)
     start = np.where(np.arange(len(contacts)) == electrode, usual, contacts)
-    return _moved(skin, electrode, start, rest_v / noise_v, noise_v, WORTH * misfit**2)
+    try:
+        return _moved(skin, electrode, start, rest_v / noise_v, noise_v, WORTH * misfit**2, resolution)
+    except (MeshError, np.linalg.LinAlgError):
+        return None
 
 
 def _moved(
-    skin: Skin, electrode: int, contact_ohm: Array, rest: Array, noise_v: float, most: float
+    skin: Skin,
+    electrode: int,
+    contact_ohm: Array,
+    rest: Array,
+    noise_v: float,
+    most: float,
+    resolution: str | Resolution,
 ) -> ElectrodeDisplacement | None:
     """Gauss-Newton in the logarithms of contact and sheet resistances and the pad's place, on a new mesh every time.
 
-    ``rest`` (P,) the scan over its noise; a mean square misfit of more than ``most`` is none that a place explains.
+    ``rest`` (P,) is over its noise. A mean square misfit of more than ``most`` is none that a place explains.
     """
     zero, count, usual_ohm = skin.piezo.zero_ohm_sq, len(contact_ohm), contact_ohm[electrode]
+    farthest_m = ElectrodeDisplacement.parameters()["dx_m"].high
     shift_m = np.zeros(2)
     unlikely = np.zeros(count + 3)
     unlikely[electrode] = 1 / LIKELY
     for _ in range(ROUNDS):
-        effect = ElectrodeDisplacement(electrode, *shift_m.tolist())
-        try:
-            scan_v, columns_v = _scan(skin, effect, zero, contact_ohm)
-        except MeshError:
+        if np.abs(shift_m).max() > farthest_m:
             return None
-        wrong = rest - scan_v / noise_v
+        effect = ElectrodeDisplacement(electrode, *shift_m.tolist())
+        scan, columns = (part / noise_v for part in _scan(skin, effect, zero, contact_ohm, resolution))
+        wrong = rest - scan
         wanted = np.append(wrong, np.log(usual_ohm / contact_ohm[electrode]) / LIKELY)
-        step = np.linalg.lstsq(np.vstack([columns_v / noise_v, unlikely]), wanted, rcond=None)[0]
+        step = np.linalg.lstsq(np.vstack([columns, unlikely]), wanted, rcond=None)[0]
         if np.abs(step[count + 1 :]).max() < STILL_M:
             return effect if float(np.mean(wrong**2)) < most else None
         contact_ohm = contact_ohm * np.exp(np.clip(step[:count], -1.0, 1.0))
@@ -72,13 +80,13 @@ def _moved(
     return None
 
 
-def _scan(skin: Skin, effect: ElectrodeDisplacement, zero_ohm_sq: float, contact_ohm: Array) -> tuple[Array, Array]:
-    """The resting scan (P,) in volt with the pad moved, and its derivatives (P,L+3) by what ``_moved`` fits."""
-    moved = Skin.build(
-        effect.geometry(skin.sensor), skin.protocol, skin.piezo, contact_ohm, skin.support_n_per_m, (), "fine"
-    )
-    solution = moved.sheet.solve(moved.sheet.uniform(zero_ohm_sq), contact_ohm)
-    slope = moved.protocol.whitened(solution.jacobian_contact_resistance().T).T
-    scan = moved.protocol.whitened(solution.pair_resistance_ohm)
-    pads = PadRims(moved.sheet).sensitivity(solution, moved.protocol)[:, effect.electrode]
+def _scan(
+    skin: Skin, effect: ElectrodeDisplacement, zero_ohm_sq: float, contact_ohm: Array, resolution: str | Resolution
+) -> tuple[Array, Array]:
+    """The resting scan (P,) with the pad moved and its derivatives (P,L+3) by what ``_moved`` fits, in volt."""
+    sheet = SheetModel(effect.geometry(skin.sensor), resolution)
+    solution = sheet.solve(sheet.uniform(zero_ohm_sq), contact_ohm)
+    slope = skin.protocol.whitened(solution.jacobian_contact_resistance().T).T
+    scan = skin.protocol.whitened(solution.pair_resistance_ohm)
+    pads = PadRims(sheet).sensitivity(solution, skin.protocol)[:, effect.electrode]
     return scan, np.column_stack([slope * contact_ohm, scan - slope @ contact_ohm, pads])

@@ -36,27 +36,41 @@ CHANCES, RARELY = 400, 0.01
 """Simulated recordings of white noise, and how rarely one of them may be taken for more."""
 
 
-def rested(skin: Skin, evidence: Evidence) -> tuple[Skin, float, tuple[Effect, ...], Noise, Array]:
-    """The skin calibrated at rest, misfit over noise, contacts that drift, the noise, and ``traces``.
+@dataclass(frozen=True, eq=False)
+class Rested:
+    """``skin`` calibrated to the mean resting scan ``scan_v`` (P,) with noise ``scan_noise_v``, which left ``misfit``.
 
-    The last are what the evidence leaves out: (T,P,m).
+    ``drift`` contacts that wander; ``noise`` of whitened scans; ``traces`` (T,P,m) what the evidence leaves out.
     """
+
+    skin: Skin
+    scan_v: Array
+    scan_noise_v: float
+    misfit: float
+    drift: tuple[Effect, ...]
+    noise: Noise
+    traces: Array
+
+
+def rested(skin: Skin, evidence: Evidence) -> Rested:
+    """What the frames at rest say of a skin."""
     good = evidence.rest & np.isfinite(evidence.scan_v).all(axis=1)
     scans = evidence.scan_v[good]
-    first, columns, _ = _calibrated(skin, scans.mean(axis=0))
+    first, columns, _ = fitted_at_rest(skin, scans.mean(axis=0))
     every = imprints(first, evidence.history)
     traces = _needed(every[good], scans - scans.mean(axis=0), columns, evidence.noise_v)
     mean = _undisturbed_mean(scans, columns, traces)
-    skin, columns, scan = _calibrated(first, mean)
-    ratio = float(np.sqrt((((mean - scan) / evidence.noise_v) ** 2).mean() * len(scans)))
+    skin, columns, scan = fitted_at_rest(first, mean)
+    mean_noise_v = float(evidence.noise_v / np.sqrt(len(scans)))
+    misfit = float(np.sqrt(np.mean(((mean - scan) / mean_noise_v) ** 2)))
     clean = scans - _shares(scans - mean, columns, traces)[1]
     time_s, contacts = evidence.history.time_s[good], skin.contact_resistance_ohm
     drift = _contact_drift(scans - mean, time_s, evidence.noise_v, columns, traces, contacts)
-    left_out = every[..., : traces.shape[2]]
-    return skin, ratio, drift, _scatter(clean, columns, evidence.noise_v), left_out
+    noise = _scatter(clean, columns, evidence.noise_v)
+    return Rested(skin, mean, mean_noise_v, misfit, drift, noise, every[..., : traces.shape[2]])
 
 
-def _calibrated(skin: Skin, mean: Array) -> tuple[Skin, Array, Array]:
+def fitted_at_rest(skin: Skin, mean: Array) -> tuple[Skin, Array, Array]:
     """Contact and sheet resistances by Gauss-Newton in logarithms from a resting scan (P,).
 
     The skin with them, the scan's derivatives (P,L+1) by the logarithms, the sheet's last, and its own scan (P,).

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ertskin.diagnosis.candidates import Candidate, screen
 from ertskin.diagnosis.claims import Rival
-from ertskin.diagnosis.settled import Standing, settled, standing
+from ertskin.diagnosis.settled import WORSE, Standing, settled, standing
 from ertskin.diagnosis.skin_family import Calibration
 from ertskin.diagnosis.smooth_fields import with_smooth_fields
 from ertskin.diagnosis.voltage_fit import Solved, Term, VoltageProblem, held_out
@@ -100,8 +100,9 @@ def select(
         here = settled(build, here.solved)
     before = here.solved
     if begun:
-        here = _begun(build, here, [*fixed, *(term for term, _ in begun)])
-        here, fixed = _without_drifts(build, here, fixed)
+        there = _begun(build, here, [*fixed, *(term for term, _ in begun)])
+        if there is not None:
+            here, fixed = _without_drifts(build, there, fixed)
         # A form is freed about the fit itself: further off it would mend what linearising leaves.
         here = _refined(build, here, partitions)
     rounds: list[tuple[tuple[str, float], ...]] = []
@@ -136,45 +137,54 @@ def select(
     return Selection(before, current, chosen, problem, tuple(rounds))
 
 
-def _begun(build: Problem, plain: Standing, terms: Sequence[Term]) -> Standing:
+def _begun(build: Problem, plain: Standing, terms: Sequence[Term]) -> Standing | None:
     """The fit with terms that another signal has shown; a pad that lies elsewhere needs a mesh of its own first."""
     calibration = plain.solved.calibration
     displaced = [t.effect.electrode for t in terms if isinstance(t.effect, ElectrodeDisplacement)]
-    if not displaced:
-        return settled(build, plain.problem.solve(terms, calibration))
-    contacts = np.array(calibration.contact_ohm)
-    # What its contact was fitted to at the wrong place says nothing.
-    contacts[displaced] = np.median(contacts)
-    return settled(build, plain.problem.solve(terms, replace(calibration, contact_ohm=contacts), steps=0))
+    if displaced:
+        contacts = np.array(calibration.contact_ohm)
+        # What its contact was fitted to at the wrong place says nothing.
+        contacts[displaced] = np.median(contacts)
+        begin = plain.problem.solve(terms, replace(calibration, contact_ohm=contacts), steps=0)
+    else:
+        begin = plain.problem.solve(terms, calibration)
+    return _where_it_settles(build, None, begin)
 
 
 def _without_drifts(build: Problem, here: Standing, fixed: Sequence[Term]) -> tuple[Standing, Sequence[Term]]:
     """The fit and its fixed terms without contacts that wander, where places that creep explain as much at rest."""
+    creeps = any(isinstance(t.effect, PiezoCreep) and t.effect.remembers_air for t in here.solved.terms)
     still = [term for term in here.solved.terms if not isinstance(term.effect, ContactDrift)]
-    if len(still) == len(here.solved.terms):
+    if not creeps or len(still) == len(here.solved.terms):
         return here, fixed
-    there = settled(build, here.problem.solve(still, here.solved.calibration))
-    if there.misfit > here.misfit:
+    there = _where_it_settles(build, None, here.problem.solve(still, here.solved.calibration))
+    if there is None or there.spoils(here) or _at_rest(there) > WORSE * _at_rest(here):
         return here, fixed
     return there, [term for term in fixed if not isinstance(term.effect, ContactDrift)]
+
+
+def _at_rest(here: Standing) -> float:
+    """Misfit over noise where nothing presses."""
+    rows = here.problem.evidence.rest & (here.problem.weight > 0)
+    return float(np.sqrt(np.mean(here.solved.scan_residual[rows] ** 2))) if rows.any() else 0.0
 
 
 def _first_to_hold(build: Problem, here: Standing, trials: Sequence[Trial]) -> tuple[Trial, Standing] | None:
     """The first trial that, settled, fits frames solved in full no worse than what is there, and where it settles.
 
-    Of forms of one name that gain about as much the one that then fits best: what a fit in the skin linearised
-    elsewhere gains doesn't tell between them.
+    Of forms of one name that gain about as much the one that then fits best, with the best one's gain: what a fit in
+    the skin linearised elsewhere gains doesn't tell between them.
     """
-    tried: set[str] = set()
-    for first in trials:
-        if first.term.name in tried:
-            continue
-        tried.add(first.term.name)
-        forms = [t for t in trials if t.term.name == first.term.name and t.gain > ALIKE * first.gain]
+    left = list(trials)
+    while left:
+        first = left[0]
+        forms = [t for t in left if t.term.name == first.term.name and t.gain > ALIKE * first.gain]
+        left = [t for t in left if t not in forms]
         places = [(form, _where_it_settles(build, None, form.solved)) for form in forms]
         held = [(form, there) for form, there in places if there is not None and not there.spoils(here)]
         if held:
-            return min(held, key=lambda pair: pair[1].misfit)
+            form, there = min(held, key=lambda pair: pair[1].misfit)
+            return replace(form, gain=first.gain), there
     return None
 
 
@@ -211,6 +221,11 @@ def _by_gain(trial: Trial) -> float:
 def material_cost(frames: int, score: float) -> float:
     """Half chi-square that a change of the rms by ``MATERIAL`` over the noise amounts to."""
     return 0.5 * frames * (MATERIAL**2 - 1) * max(1.0, 2 * score / frames) ** 0.5
+
+
+def _of_frames(solved: Solved) -> float:
+    """Half chi-square of the frames fitted; the specimen's, which cells held out don't hold either, is left out."""
+    return float(solved.fit.quadratic.cost[:-1].sum())
 
 
 def _residual_count(problem: VoltageProblem) -> int:
@@ -264,7 +279,7 @@ def _try(
     for candidate in candidates:
         solved = _beside(problem, plain, candidate.term, instrument)
         # Where the fit at hand predicts badly, another term may seem to gain what it doesn't even fit.
-        gain = min(reference - float(held_out(solved, partitions).sum()), plain.cost - solved.cost)
+        gain = min(reference - float(held_out(solved, partitions).sum()), _of_frames(plain) - _of_frames(solved))
         if isinstance(candidate.term.effect, TemperatureDrift) and not _shown_at_rest(problem, current, solved):
             continue
         if getattr(candidate.term.effect, "nodes", ()):
@@ -319,7 +334,7 @@ def _freed(here: Standing, partitions: Sequence[Sequence[int]]) -> Solved:
             freed = problem.solve(terms, current.calibration)
             gain = float(held_out(current, partitions).sum()) - float(held_out(freed, partitions).sum())
             # No name hangs on a form, and so few numbers can't lower the misfit that much by chance.
-            if gain > SIGNIFICANT or freed.cost < STILL**2 * current.cost:
+            if gain > SIGNIFICANT or _of_frames(freed) < STILL**2 * _of_frames(current):
                 current = freed
     return with_smooth_fields(problem, current, partitions)
 
@@ -360,9 +375,9 @@ def _backward(
             rest = [t for i, t in enumerate(current.terms) if i != k]
             without = problem.solve(rest, current.calibration, steps=5, leftover=instrument)
             loss = float(held_out(without, partitions).sum()) - score
-            if without.cost > INDISPENSABLE * current.cost:
+            if _of_frames(without) > INDISPENSABLE * _of_frames(current):
                 # However badly the cells predict one another with it.
-                loss = max(loss, without.cost - current.cost)
+                loss = max(loss, _of_frames(without) - _of_frames(current))
             if loss < max(SIGNIFICANT, material_cost(frames, score)) and (dropped is None or loss < dropped[0]):
                 dropped = (loss, without)
             term = current.terms[k]

@@ -32,6 +32,8 @@ SCALED = 0.7
 """The same for parameters that are always positive, over their value."""
 LEAST_LAW = 1e-3
 """Part of the unpressed sheet's resistance that must be left under any pressure."""
+CONTACT_STEP = 1e-3
+"""Of the logarithm of contact resistances, for their derivative: what drifts is added, what presses multiplies."""
 LEFTOVER_FRAMES = 80
 """Frames whose non-reciprocal part is fitted; it counts as that of all."""
 
@@ -258,11 +260,12 @@ class VoltageProblem:
     def contact_columns(self, skin: Skin) -> Array:
         """(T,P,L) change of the scans per unit logarithm of each contact resistance, in units of the noise."""
         result = np.zeros((*self.evidence.scan_v.shape, len(skin.contact_resistance_ohm)))
-        contact_ohm = self.linear.contact_ohm(skin)
+        scaled = replace(skin, contact_resistance_ohm=np.exp(CONTACT_STEP) * skin.contact_resistance_ohm)
+        per_logarithm = (self.linear.contact_ohm(scaled) - self.linear.contact_ohm(skin)) / CONTACT_STEP
         for patch in self.linear.patches:
             for k, state in enumerate(patch.states):
                 rows = patch.rows[patch.state_of == k]
-                result[rows] = state.contact * contact_ohm[rows, None]
+                result[rows] = state.contact * per_logarithm[rows, None]
         return np.where(self.weight[:, None, None] > 0, result / self.evidence.noise_v, 0.0)
 
 

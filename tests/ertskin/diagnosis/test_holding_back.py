@@ -50,12 +50,14 @@ def test_a_term_that_spoils_frames_solved_in_full_gives_way_to_the_next(monkeypa
     settle = {"wild": wild, "tame": tame}
     monkeypatch.setattr(selection, "settled", lambda build, solved: settle[solved])
     trials = [trial("wild", "one", 50.0), trial("tame", "other", 40.0)]
-    assert selection._first_to_hold(None, here, trials) == (trials[1], tame)  # type: ignore[arg-type]
+    found = selection._first_to_hold(None, here, trials)  # type: ignore[arg-type]
+    assert found is not None
+    assert (found[0].solved, found[1]) == ("tame", tame)
     assert selection._first_to_hold(None, here, trials[:1]) is None  # type: ignore[arg-type]
 
 
-def trial(solved: str, name: str, gain: float) -> Any:
-    return SimpleNamespace(solved=solved, term=SimpleNamespace(name=name), gain=gain)
+def trial(solved: str, name: str, gain: float) -> selection.Trial:
+    return selection.Trial(SimpleNamespace(name=name), gain, solved)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(("gain", "best"), [(30.0, "second"), (20.0, "first")])
@@ -69,6 +71,17 @@ def test_of_forms_that_gain_alike_the_one_that_fits_best_where_it_settles(
     found = selection._first_to_hold(None, here, trials)  # type: ignore[arg-type]
     assert found is not None
     assert found[1] is settle[best]
+    # A rival is short of what the effect gains in its best form.
+    assert found[0].gain == 50.0
+
+
+def test_a_form_that_gains_less_has_its_turn_where_the_best_spoils(monkeypatch: pytest.MonkeyPatch) -> None:
+    here, wild, tame = (Standing(None, None, misfit, 0.0) for misfit in (3.0, 9.0, 2.0))  # type: ignore[arg-type]
+    monkeypatch.setattr(selection, "settled", lambda build, solved: {"wild": wild, "tame": tame}[solved])
+    trials = [trial("wild", "spot", 100.0), trial("tame", "spot", 30.0)]
+    found = selection._first_to_hold(None, here, trials)  # type: ignore[arg-type]
+    assert found is not None
+    assert found[1] is tame
 
 
 def test_an_interval_is_no_narrower_than_forms_differ_and_keeps_to_the_range() -> None:
@@ -88,7 +101,9 @@ def test_a_trial_that_settles_where_no_sheet_is_gives_way_too(error: Exception, 
     here, tame = (Standing(None, None, misfit, 0.0) for misfit in (3.0, 2.0))  # type: ignore[arg-type]
     monkeypatch.setattr(selection, "settled", settle)
     trials = [trial("nowhere", "one", 50.0), trial("there", "other", 40.0)]
-    assert selection._first_to_hold(None, here, trials) == (trials[1], tame)  # type: ignore[arg-type]
+    found = selection._first_to_hold(None, here, trials)  # type: ignore[arg-type]
+    assert found is not None
+    assert (found[0].solved, found[1]) == ("there", tame)
 
 
 def test_a_term_nearer_to_nought_keeps_its_place_and_loses_its_size() -> None:

@@ -12,6 +12,7 @@ from ertskin.diagnosis.linear_skin import LinearSkin
 from ertskin.diagnosis.voltage_fit import VoltageProblem
 from physics.conduction.mesh import Grading
 from physics.conduction.sheet import Resolution
+from physics.effects.contact_drift import ContactDrift
 from physics.effects.contact_pressure_dependence import ContactPressureDependence
 from physics.effects.piezo_creep import PiezoCreep
 from physics.effects.temperature_drift import TemperatureDrift
@@ -41,6 +42,7 @@ def skin() -> Skin:
     effects = (
         PiezoCreep(fraction=0.1, time_s=1.0, decades=2.0, multiplies=True, remembers_air=True),
         ContactPressureDependence(sensitivity_per_pa=1e-4),
+        ContactDrift(2, (0.0, 40.0), (0.0, 60.0)),
         TemperatureDrift(rate_per_h=0.2),
     )
     stress = np.linspace(0, 6e4, 40)

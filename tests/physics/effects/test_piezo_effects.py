@@ -58,7 +58,7 @@ def test_creep_that_multiplies_loses_its_fraction_of_the_logarithm_of_resistance
     pressure, time_s = np.array([[0.0], [1e4], [1e4]]), np.array([0.0, 1e-9, 7.0])
     plain = fabric_ohm_sq(law, (), pressure, NOWHERE, time_s, EXTENT)
     crept = fabric_ohm_sq(law, (creep,), pressure, NOWHERE, time_s, EXTENT)
-    contact = 1e4 / (1e4 + 5e3)
+    contact = 1 - 0.5**2
     np.testing.assert_allclose(np.log(crept / plain)[:, 0], [0.0, 0.0, -0.3 * contact * (1 - np.exp(-1))], atol=1e-6)
     np.testing.assert_array_equal(
         crept[[2]], fabric_ohm_sq(law, (creep,), pressure, NOWHERE, time_s, EXTENT, np.array([2]))
