@@ -23,6 +23,7 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 NEAR_PADS = 16  # pads that can set the cell size at a point
+LEAST_MARGIN = 0.2  # of the first cell at a rim: a narrower margin costs more points than it is worth
 
 
 class MeshError(ValueError):
@@ -119,7 +120,7 @@ def layers(length_m: float, first_m: float, growth: float) -> Array:
 
 def _mesh_with_pads(outline_m: Array, center_m: Array, size_m: Array, grading: Grading) -> SheetMesh:
     half = 0.5 * size_m
-    margin = _block_margins(outline_m, center_m, half)
+    margin = _block_margins(outline_m, center_m, half, LEAST_MARGIN * grading.rim_m)
     blocks = []
     for c, h, m in zip(center_m, half, margin, strict=True):
         lines = [_block_lines(c[k], h[k], m, grading) for k in range(2)]
@@ -165,8 +166,11 @@ def _mesh_with_edges(outline_m: Array, edge_m: Array, grading: Grading) -> Sheet
     return mesh
 
 
-def _block_margins(outline_m: Array, center_m: Array, half_m: Array) -> Array:
-    """(L,) how far each pad's block reaches beyond the pad: never into another block, nor near the outline."""
+def _block_margins(outline_m: Array, center_m: Array, half_m: Array, least_m: float) -> Array:
+    """(L,) how far each pad's block reaches beyond the pad: never into another block, nor near the outline.
+
+    Raises ``MeshError`` where that is less than ``least_m``.
+    """
     margin = half_m.min(axis=1).copy()
     for k, (center, half) in enumerate(zip(center_m, half_m, strict=True)):
         corners = center + half * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
@@ -174,16 +178,24 @@ def _block_margins(outline_m: Array, center_m: Array, half_m: Array) -> Array:
         others = np.arange(len(center_m)) != k
         gap = np.abs(center_m[others] - center).__sub__(half_m[others] + half).max(axis=1, initial=-np.inf)
         margin[k] = min(margin[k], 0.5 * to_outline, 0.3 * gap.min(initial=np.inf))
-    if (margin <= 0).any():
-        raise MeshError(f"pad {int(np.argmin(margin))} overlaps another pad or touches the outline")
+    if (margin <= least_m).any():
+        raise MeshError(f"pad {int(np.argmin(margin))} overlaps or nearly touches another pad or the outline")
     return margin
 
 
 def _block_lines(center_m: float, half_m: float, margin_m: float, grading: Grading) -> Array:
-    inner = layers(half_m, grading.rim_m, grading.growth)
+    # No longer than twice the margin: a circle about a side of the block then reaches nothing beyond the block's gap.
+    inner = _subdivided(layers(half_m, grading.rim_m, grading.growth), 2 * margin_m)
     outer = layers(margin_m, grading.rim_m, grading.growth)
     one_side = np.concatenate([half_m - inner, half_m + outer[1:]])
     return center_m + np.unique(np.concatenate([-one_side, one_side]))
+
+
+def _subdivided(offset_m: Array, longest_m: float) -> Array:
+    """Rising offsets with every interval longer than ``longest_m`` cut into equal parts that are not."""
+    parts = np.maximum(np.ceil(np.diff(offset_m) / longest_m - 1e-9).astype(int), 1)
+    inside = [np.linspace(a, b, n, endpoint=False) for (a, b), n in zip(pairwise(offset_m), parts, strict=True)]
+    return np.append(np.concatenate(inside), offset_m[-1])
 
 
 def _distance_to_boxes(point: Array, center_m: Array, half_m: Array) -> tuple[Indices, Array]:

@@ -9,6 +9,7 @@ import pytest
 from sheets import padded_sheet, small_sheet, tank
 
 from physics.conduction.mesh import Grading, MeshError, SheetMesh, inside_polygon, layers, mesh_sheet
+from physics.conduction.sheet import RESOLUTIONS
 from physics.sensor import Sensor, rectangle_m
 
 COARSE = Grading(cell_m=4e-3, rim_m=4e-4, growth=4.0)
@@ -104,6 +105,19 @@ def test_layers_begin_fine_and_end_at_the_length(length: float) -> None:
     step = np.diff(offset)
     assert step[0] <= 1.0 + 1e-9
     assert (step[1:] >= step[:-1] * (1 - 1e-9)).all()
+
+
+@pytest.mark.parametrize("gap_m", [1e-3, 6e-4, 3e-4, 1e-4])
+@pytest.mark.parametrize("corner", [False, True])
+def test_a_pad_may_lie_almost_at_the_outline(gap_m: float, corner: bool) -> None:
+    sensor = padded_sheet()
+    half_m = 0.5 * float(sensor.electrode_size_m[0, 0])
+    center = sensor.electrode_center_m.copy()
+    center[0] = half_m + gap_m, half_m + gap_m if corner else 3 * half_m
+    mesh = mesh_sheet(replace(sensor, electrode_center_m=center), RESOLUTIONS["fine"].grading)
+    assert mesh.area_m2.sum() == pytest.approx(0.12**2, rel=1e-9)
+    assert mesh.area_m2[mesh.pad == 0].sum() == pytest.approx((2 * half_m) ** 2, rel=1e-9)
+    assert len(mesh.triangle) < 2e4
 
 
 @pytest.mark.parametrize("moved", [[0.0055, 0.0045], [0.0, 0.01], [0.2, 0.2]])
