@@ -39,7 +39,7 @@ TAIL = 2e-5
 """Pressure below this part of its peak is left out. On the paper's pad, at 10 N and 0.1 mA, that changes the 276
 numbers by 0.06 of a 2 mV noise; ten times more left out would change them by half of it."""
 PAD_SAMPLES = 7
-SKEW_NODES = 3
+SKEW_NODES = 4
 """Moments within a scan at which a moving press is solved; the readings between follow by interpolation."""
 
 

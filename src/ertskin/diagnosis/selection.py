@@ -20,6 +20,7 @@ from physics.effects.effect import Stage
 from physics.effects.electrode_displacement import ElectrodeDisplacement
 from physics.effects.piezo_creep import PiezoCreep
 from physics.effects.piezo_hysteresis import PiezoHysteresis
+from physics.effects.scan_skew import ScanSkew
 from physics.effects.temperature_drift import TemperatureDrift
 
 Array = NDArray[np.float64]
@@ -353,6 +354,9 @@ def _freer(term: Term) -> list[Term]:
             Term(added, ("fraction", "time_s", "decades", "exponent")),
             Term(replace(spread, multiplies=True), ("fraction", "time_s", "decades", "half_pa")),
         ]
+    if isinstance(effect, ScanSkew) and "ease" not in term.free:
+        eased = replace(effect, ease=0.5)
+        return [Term(form, (*term.free, "ease")) for form in (eased, replace(eased, overshoots=True))]
     return []
 
 

@@ -1,0 +1,48 @@
+"""Where a press that moves is while it is scanned."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from physics.effects.scan_skew import ScanSkew
+from physics.history import History, Phase
+
+SCAN_S = 0.4
+MOMENTS_S = np.linspace(0.0, SCAN_S, 5)
+STEP_M = 5e-4
+
+
+@pytest.fixture
+def history() -> History:
+    """A frame at rest, two steps in, a hold, one step out."""
+    depth_m = STEP_M * np.array([np.nan, 1, 2, 2, 1])[:, None]
+    phase = np.array([Phase.REST, Phase.LOADING, Phase.LOADING, Phase.HOLD, Phase.UNLOADING], dtype=np.uint8)
+    place = np.where(np.isfinite(depth_m)[..., None], 0.01, np.nan) * np.ones(2)
+    nowhere = np.full((5, 1), np.nan)
+    return History(np.arange(5.0), np.zeros(5, dtype=np.int64), phase, place, depth_m, nowhere)
+
+
+def test_it_goes_on_at_constant_speed_and_stops_at_the_deepest_command(history: History) -> None:
+    depth_m = ScanSkew(speed_m_per_s=1e-3).depth_m(history, MOMENTS_S)[..., 0]
+    np.testing.assert_allclose(depth_m[1], STEP_M + 1e-3 * MOMENTS_S)
+    np.testing.assert_allclose(depth_m[2], 2 * STEP_M)
+    np.testing.assert_allclose(depth_m[3], 2 * STEP_M)
+    np.testing.assert_allclose(depth_m[4], STEP_M - 1e-3 * MOMENTS_S)
+    assert np.isnan(depth_m[0]).all()
+
+
+def test_it_overshoots_where_it_may_but_never_leaves_the_surface(history: History) -> None:
+    depth_m = ScanSkew(speed_m_per_s=5e-3, overshoots=True).depth_m(history, MOMENTS_S)[..., 0]
+    np.testing.assert_allclose(depth_m[2], 2 * STEP_M + 5e-3 * MOMENTS_S)
+    assert depth_m[4].min() == 0.0
+
+
+@pytest.mark.parametrize("ease", [0.3, 1.0])
+def test_easing_keeps_the_way_and_starts_and_ends_more_slowly(ease: float, history: History) -> None:
+    moments_s = np.linspace(0.0, SCAN_S, 401)
+    plain, eased = (ScanSkew(1e-3, 0.5 * SCAN_S, e).depth_m(history, moments_s)[1, :, 0] for e in (0.0, ease))
+    np.testing.assert_allclose(eased[[0, 200, 400]], plain[[0, 200, 400]])
+    speed = np.diff(eased) / np.diff(moments_s)
+    assert speed[0] == pytest.approx((1 - ease) * 1e-3, abs=1e-5)
+    assert speed[200] == pytest.approx((1 + 0.5 * ease) * 1e-3, rel=1e-3)
