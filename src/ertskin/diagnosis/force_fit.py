@@ -22,7 +22,8 @@ Array = NDArray[np.float64]
 STARTS: dict[str, list[FoamEffect]] = {
     "nonlinear_foam": [NonlinearFoam(stiffening=0.2)],
     "viscoelastic_foam": [ViscoelasticFoam(fraction=0.1, time_s=2.0), ViscoelasticFoam(fraction=0.1, time_s=20.0)],
-    "foam_hysteresis": [FoamHysteresis(loss=0.05, reversal=0.1)],
+    # Where every step turns it right round, nothing tells how fast it turns: no descent comes back from there.
+    "foam_hysteresis": [FoamHysteresis(loss=0.05, reversal=0.1), FoamHysteresis(loss=0.01, reversal=0.4)],
     "foam_softening": [
         FoamSoftening(excess=0.1, kept=0.5, presses=0.5),
         FoamSoftening(excess=0.1, kept=1.0, presses=0.5),

@@ -12,13 +12,14 @@ import yaml
 from ertskin.diagnosis.any_recording import diagnose_any
 from ertskin.diagnosis.claims import Claim, Diagnosis, Estimate, HeldOut, confidences, gathered, verdict_of
 from ertskin.diagnosis.diagnose import _broad_ratio
-from ertskin.diagnosis.force_fit import ForceData, select_force_effects
+from ertskin.diagnosis.force_fit import STARTS, ForceData, fit_force, select_force_effects
 from ertskin.diagnosis.least_squares import Quadratic, descend
 from ertskin.diagnosis.sensitivity import Hats
 from ertskin.diagnosis.written import config_name, write_diagnosis, write_effects
 from hardware.recording import Frames, Recording
 from physics.effects.channel_gain import ChannelGain
 from physics.effects.contact_drift import ContactDrift
+from physics.effects.foam_hysteresis import FoamHysteresis
 from physics.effects.nonlinear_foam import NonlinearFoam
 from physics.effects.piezo_hysteresis import PiezoHysteresis
 from physics.effects.registry import build_effects
@@ -133,6 +134,21 @@ def test_force_stage_names_what_the_load_cell_shows(hidden) -> None:
         key = next(iter(true.parameters()))
         assert getattr(found, key) == pytest.approx(getattr(true, key), rel=0.1)
     assert best.chi_square <= plain.chi_square
+
+
+@pytest.mark.parametrize("loss", [0.005, 0.02])
+def test_a_loss_is_found_though_every_step_turns_it_right_round(loss: float) -> None:
+    history = strokes(9)
+    keep = np.isin(np.arange(19), [0, 2, 4, 6, 8, 9, 13, 15, 17])
+    history = history[np.flatnonzero(np.tile(keep, 9))]
+    hidden = (FoamHysteresis(loss=loss, reversal=0.25),)
+    force = foam_force_n(history, 1800.0, 9000.0, 0.004, hidden)
+    force = force + 0.01 * np.random.default_rng(4).standard_normal(force.shape)
+    data = ForceData(replace(history, force_n=force), 0.01, 9000.0, 1e-3, 0.004)
+    fits = [fit_force(data, [start]) for start in STARTS["foam_hysteresis"]]
+    best = min(fits, key=lambda fit: fit.chi_square)
+    assert best.chi_square < 1.4 * data.used.sum()
+    assert best.effects[0].loss == pytest.approx(loss, rel=0.25)  # type: ignore[attr-defined]
 
 
 def recording(history: History | None, voltage: np.ndarray | None) -> Recording:
