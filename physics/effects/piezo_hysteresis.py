@@ -19,7 +19,7 @@ class PiezoHysteresis(PiezoEffect):
     """A play operator with relative width: the law answers to x, dragged along by p(1-w) <= x <= p(1+w).
 
     With ``spread`` > 0 the mean of four plays (Prandtl-Ishlinskii): the turn from loading to unloading gets rounder.
-    Their lags, the logarithm of p(1+w) over p(1-w), are quantiles of a log-normal distribution about w's.
+    Their lags, the logarithm of p(1+w) over p(1-w), are quantiles of a log-normal distribution of the mean w's.
     """
 
     name: ClassVar[str] = "piezo_hysteresis"
@@ -32,7 +32,8 @@ class PiezoHysteresis(PiezoEffect):
     def effective_pressure_pa(self, pressure_pa: Array, position_m: Array, time_s: Array, extent_m: Array) -> Array:
         if self.spread == 0:
             return np.asarray(_play(pressure_pa, self.width))
-        parts = np.tanh(np.arctanh(self.width) * np.exp(self.spread * EIGHTHS))
+        shares = np.exp(self.spread * EIGHTHS)
+        parts = np.tanh(np.arctanh(self.width) * shares / shares.mean())
         return sum((_play(pressure_pa, w) for w in parts), np.zeros_like(pressure_pa)) / len(parts)
 
 
