@@ -201,9 +201,12 @@ def draw_reliability(scores: dict[str, dict[str, Any]], path: Path) -> None:
     axes.plot([0, 1], [0, 1], color="0.7", label="calibrated")
     for method, one in scores.items():
         filled = [part for part in one["reliability"] if part["count"]]
+        if not filled:
+            continue
         line = axes.plot([p["confidence"] for p in filled], [p["right"] for p in filled], marker="o", label=method)
         for part in filled:
-            axes.annotate(f"{part['count']:g}", (part["confidence"], part["right"]), color=line[0].get_color())
+            at, color = (part["confidence"], part["right"]), line[0].get_color()
+            axes.annotate(f"{part['count']:g}", at, (4, -12), textcoords="offset points", color=color)
     axes.set(xlabel="stated confidence", ylabel="share of claims that were right", xlim=(0, 1.02), ylim=(-0.02, 1.02))
     axes.legend()
     figure.savefig(path, dpi=120)
