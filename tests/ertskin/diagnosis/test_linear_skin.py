@@ -6,49 +6,33 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from small_skin import SMALL, small_law, small_sensor
 
 from ertskin.diagnosis.evidence import Evidence
 from ertskin.diagnosis.linear_skin import LinearSkin
 from ertskin.diagnosis.voltage_fit import VoltageProblem
-from physics.conduction.mesh import Grading
-from physics.conduction.sheet import Resolution
 from physics.effects.contact_drift import ContactDrift
 from physics.effects.contact_pressure_dependence import ContactPressureDependence
 from physics.effects.piezo_creep import PiezoCreep
 from physics.effects.temperature_drift import TemperatureDrift
 from physics.history import History, Phase
-from physics.piezo.polynomial import PiezoPolynomial
 from physics.protocol import Protocol, electrode_pairs
-from physics.sensor import Layer, Sensor, rectangle_m
 from physics.skin import Skin
 
-SMALL = Resolution(2, Grading(cell_m=6e-3, rim_m=2e-3, growth=2.0))
-CENTERS = np.array([[0.006, 0.006], [0.054, 0.006], [0.054, 0.054], [0.006, 0.054], [0.03, 0.006], [0.03, 0.054]])
 NOISE_V = 2e-3
 
 
 @pytest.fixture(scope="module")
 def skin() -> Skin:
     """Six electrodes, a creeping fabric, contacts that follow the pressure and a drifting sheet."""
-    sensor = Sensor(
-        outline_m=rectangle_m((0.06, 0.06)),
-        sheet_resistance_ohm_sq=18_000.0,
-        electrode_center_m=CENTERS,
-        electrode_size_m=np.full((6, 2), 4e-3),
-        layers=(Layer("foam", 4e-3, 3e4, 0.3), Layer("fabric", 4e-4, 3e5, 0.4), Layer("sheet", 4e-4, 3e5, 0.4)),
-        piezo_interface=1,
-        pad_margin_m=0.03,
-    )
     effects = (
         PiezoCreep(fraction=0.1, time_s=1.0, decades=2.0, multiplies=True, remembers_air=True),
         ContactPressureDependence(sensitivity_per_pa=1e-4),
         ContactDrift(2, (0.0, 40.0), (0.0, 60.0)),
         TemperatureDrift(rate_per_h=0.2),
     )
-    stress = np.linspace(0, 6e4, 40)
-    law = PiezoPolynomial.fit(stress, 4e3 + 1.4e4 * np.exp(-stress / 1e4))
     scan = Protocol.against_sink(electrode_pairs(6), 6, 1e-4)
-    return Skin.build(sensor, scan, law, np.linspace(200.0, 900.0, 6), 9000.0, effects, SMALL)
+    return Skin.build(small_sensor(), scan, small_law(), np.linspace(200.0, 900.0, 6), 9000.0, effects, SMALL)
 
 
 @pytest.fixture(scope="module")

@@ -6,12 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from small_skin import SMALL, TAXELS, small_law, small_sensor
 
 import ertskin.diagnosis.next_press as design
 from ertskin.diagnosis.next_press import Feasible, next_press, told_apart
 from hardware.plan import plan_from_presses
-from physics.conduction.mesh import Grading
-from physics.conduction.sheet import Resolution
 from physics.effects.effect import Effect
 from physics.effects.foam_hysteresis import FoamHysteresis
 from physics.effects.indenter_offset import IndenterOffset
@@ -20,34 +19,17 @@ from physics.effects.piezo_hysteresis import PiezoHysteresis
 from physics.effects.piezo_inhomogeneity import PiezoInhomogeneity
 from physics.effects.scan_skew import ScanSkew
 from physics.effects.viscoelastic_foam import ViscoelasticFoam
-from physics.piezo.polynomial import PiezoPolynomial
 from physics.protocol import Protocol, electrode_pairs
-from physics.sensor import Layer, Sensor, rectangle_m
 from physics.skin import Skin
 
-SMALL = Resolution(2, Grading(cell_m=6e-3, rim_m=2e-3, growth=2.0))
-CENTERS = np.array([[0.006, 0.006], [0.054, 0.006], [0.054, 0.054], [0.006, 0.054], [0.03, 0.006], [0.03, 0.054]])
-TAXELS = np.array([[0.015, 0.03], [0.03, 0.03], [0.045, 0.03], [0.03, 0.045]])
 NOISE_V, FORCE_NOISE_N = 2e-3, 0.02
 
 
 @pytest.fixture(scope="module")
 def skin() -> Skin:
     """A small skin without effects."""
-    stress = np.linspace(0, 6e4, 40)
-    sensor = Sensor(
-        outline_m=rectangle_m((0.06, 0.06)),
-        sheet_resistance_ohm_sq=18_000.0,
-        electrode_center_m=CENTERS,
-        electrode_size_m=np.full((6, 2), 4e-3),
-        layers=(Layer("foam", 4e-3, 3e4, 0.3), Layer("fabric", 4e-4, 3e5, 0.4), Layer("sheet", 4e-4, 3e5, 0.4)),
-        piezo_interface=1,
-        pad_margin_m=0.03,
-        taxel_m=TAXELS,
-    )
-    law = PiezoPolynomial.fit(stress, 4e3 + 1.4e4 * np.exp(-stress / 1e4))
     scan = Protocol.against_sink(electrode_pairs(6), 6, 1e-4, injection_offset_s=np.linspace(0.0, 0.4, 15))
-    return Skin.build(sensor, scan, law, np.full(6, 300.0), 9000.0, resolution=SMALL)
+    return Skin.build(small_sensor(), scan, small_law(), np.full(6, 300.0), 9000.0, resolution=SMALL)
 
 
 @pytest.fixture(autouse=True)

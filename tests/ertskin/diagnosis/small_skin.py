@@ -1,0 +1,34 @@
+"""A small sheet with six pads, its law, and a mesh coarse enough for both to be quick."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from physics.conduction.mesh import Grading
+from physics.conduction.sheet import Resolution
+from physics.piezo.polynomial import PiezoPolynomial
+from physics.sensor import Layer, Sensor, rectangle_m
+
+SMALL = Resolution(2, Grading(cell_m=6e-3, rim_m=2e-3, growth=2.0))
+CENTERS = np.array([[0.006, 0.006], [0.054, 0.006], [0.054, 0.054], [0.006, 0.054], [0.03, 0.006], [0.03, 0.054]])
+TAXELS = np.array([[0.015, 0.03], [0.03, 0.03], [0.045, 0.03], [0.03, 0.045]])
+
+
+def small_sensor() -> Sensor:
+    """60 mm by 60 mm, four taxels around the middle."""
+    return Sensor(
+        outline_m=rectangle_m((0.06, 0.06)),
+        sheet_resistance_ohm_sq=18_000.0,
+        electrode_center_m=CENTERS,
+        electrode_size_m=np.full((6, 2), 4e-3),
+        layers=(Layer("foam", 4e-3, 3e4, 0.3), Layer("fabric", 4e-4, 3e5, 0.4), Layer("sheet", 4e-4, 3e5, 0.4)),
+        piezo_interface=1,
+        pad_margin_m=0.03,
+        taxel_m=TAXELS,
+    )
+
+
+def small_law() -> PiezoPolynomial:
+    """From 18 kohm per square at rest to 4 under pressure."""
+    stress = np.linspace(0, 6e4, 40)
+    return PiezoPolynomial.fit(stress, 4e3 + 1.4e4 * np.exp(-stress / 1e4))
