@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 NEAR_PADS = 16  # pads that can set the cell size at a point
-LEAST_MARGIN = 0.2  # of the first cell at a rim: a narrower margin costs more points than it is worth
+LEAST_MARGIN = 0.02  # of half a pad: fifty lines across it; a narrower margin costs more than it is worth
 
 
 class MeshError(ValueError):
@@ -120,7 +120,7 @@ def layers(length_m: float, first_m: float, growth: float) -> Array:
 
 def _mesh_with_pads(outline_m: Array, center_m: Array, size_m: Array, grading: Grading) -> SheetMesh:
     half = 0.5 * size_m
-    margin = _block_margins(outline_m, center_m, half, LEAST_MARGIN * grading.rim_m)
+    margin = _block_margins(outline_m, center_m, half)
     blocks = []
     for c, h, m in zip(center_m, half, margin, strict=True):
         lines = [_block_lines(c[k], h[k], m, grading) for k in range(2)]
@@ -166,10 +166,10 @@ def _mesh_with_edges(outline_m: Array, edge_m: Array, grading: Grading) -> Sheet
     return mesh
 
 
-def _block_margins(outline_m: Array, center_m: Array, half_m: Array, least_m: float) -> Array:
+def _block_margins(outline_m: Array, center_m: Array, half_m: Array) -> Array:
     """(L,) how far each pad's block reaches beyond the pad: never into another block, nor near the outline.
 
-    Raises ``MeshError`` where that is less than ``least_m``.
+    Raises ``MeshError`` where that is less than ``LEAST_MARGIN``.
     """
     margin = half_m.min(axis=1).copy()
     for k, (center, half) in enumerate(zip(center_m, half_m, strict=True)):
@@ -178,7 +178,7 @@ def _block_margins(outline_m: Array, center_m: Array, half_m: Array, least_m: fl
         others = np.arange(len(center_m)) != k
         gap = np.abs(center_m[others] - center).__sub__(half_m[others] + half).max(axis=1, initial=-np.inf)
         margin[k] = min(margin[k], 0.5 * to_outline, 0.3 * gap.min(initial=np.inf))
-    if (margin <= least_m).any():
+    if (margin <= LEAST_MARGIN * half_m.min(axis=1)).any():
         raise MeshError(f"pad {int(np.argmin(margin))} overlaps or nearly touches another pad or the outline")
     return margin
 

@@ -109,12 +109,15 @@ def test_layers_begin_fine_and_end_at_the_length(length: float) -> None:
 
 @pytest.mark.parametrize("gap_m", [1e-3, 6e-4, 3e-4, 1e-4])
 @pytest.mark.parametrize("corner", [False, True])
-def test_a_pad_may_lie_almost_at_the_outline(gap_m: float, corner: bool) -> None:
+@pytest.mark.parametrize(
+    "grading", [RESOLUTIONS["fine"].grading, Grading(8e-3, 5e-4, 7.0, 0.7)], ids=["fine", "coarse"]
+)
+def test_a_pad_may_lie_almost_at_the_outline(gap_m: float, corner: bool, grading: Grading) -> None:
     sensor = padded_sheet()
     half_m = 0.5 * float(sensor.electrode_size_m[0, 0])
     center = sensor.electrode_center_m.copy()
     center[0] = half_m + gap_m, half_m + gap_m if corner else 3 * half_m
-    mesh = mesh_sheet(replace(sensor, electrode_center_m=center), RESOLUTIONS["fine"].grading)
+    mesh = mesh_sheet(replace(sensor, electrode_center_m=center), grading)
     assert mesh.area_m2.sum() == pytest.approx(0.12**2, rel=1e-9)
     assert mesh.area_m2[mesh.pad == 0].sum() == pytest.approx((2 * half_m) ** 2, rel=1e-9)
     assert len(mesh.triangle) < 2e4
