@@ -21,7 +21,7 @@ class ContactPressureDependence(ElectrodeEffect):
     source: ClassVar[str] = "Holm, Electric Contacts (1967): constriction resistance as a power of the load"
 
     sensitivity_per_pa: float = parameter("1/Pa", 0.0, 0.1, 0.0, 2e-5, "inverse of the pressure that starts to matter")
-    exponent: float = parameter("1", 0.1, 3.0, 1.0, 0.2, "power of the load", defining=False)
+    exponent: float = parameter("1", 0.1, 30.0, 1.0, 0.2, "power of the load", defining=False)
 
     def contact_resistance_ohm(self, resistance_ohm: Array, pad_pressure_pa: Array, time_s: Array) -> Array:
         loaded = 1 + self.sensitivity_per_pa * np.maximum(pad_pressure_pa, 0.0)
