@@ -12,6 +12,9 @@ from physics.effects.exponential_memory import lagging
 
 STEPS = np.linspace(0.0, 1.0, 6)
 AGREED_PA = 1e4
+SAME = 1e-6
+"""Below it ``power`` and ``unevenness`` are as good as none."""
+LEAST_LEFT = 1e-6
 
 
 @dataclass(frozen=True)
@@ -24,7 +27,10 @@ class PiezoCreep(PiezoEffect):
     ``exponent``, scaled to agree with p at ``AGREED_PA``.
 
     Where it ``multiplies``, the law's resistance is multiplied by exp(-fraction m), m following 1 - 2^(-p/half_pa):
-    spots in contact grow, and gaps of exponentially distributed widths leave ever fewer to close.
+    spots in contact grow, and gaps of exponentially distributed widths leave ever fewer to close. The mean of these
+    widths may differ over the fabric: with ``unevenness`` u > 0 (a gamma distribution's variance over its mean square)
+    m follows 1 - (1 + (2^u - 1) p/half_pa)^(-1/u), at u = 1 p/(p + half_pa). With ``power`` a the a-th power of the
+    resistance falls in proportion to m instead of its logarithm: at 1 the resistance, at -1 the conductance grows.
     """
 
     name: ClassVar[str] = "piezo_creep"
@@ -43,6 +49,12 @@ class PiezoCreep(PiezoEffect):
     half_pa: float = parameter(
         "Pa", 100.0, 1e6, 1e4, 1e3, "pressure that closes half the gaps, if multiplied", defining=False
     )
+    unevenness: float = parameter(
+        "1", 0.0, 5.0, 0.0, 0.2, "how much the gaps' widths differ, if multiplied", defining=False
+    )
+    power: float = parameter(
+        "1", -2.0, 2.0, 0.0, 0.2, "power of the resistance that falls in proportion, if multiplied", defining=False
+    )
 
     remembers_air: bool = False
     """Whether what a press left behind goes on into the next; otherwise an unloaded spot has recovered."""
@@ -60,8 +72,18 @@ class PiezoCreep(PiezoEffect):
     def resistance_factor(self, pressure_pa: Array, position_m: Array, time_s: Array, extent_m: Array) -> Array | float:
         if not self.multiplies:
             return 1.0
-        closed = 1.0 - np.exp2(-np.maximum(pressure_pa, 0.0) / self.half_pa)
-        return np.exp(-self.fraction * self._taken_in(closed, pressure_pa, time_s))
+        crept = self.fraction * self._taken_in(self._closed(pressure_pa), pressure_pa, time_s)
+        if abs(self.power) < SAME:
+            return np.exp(-crept)
+        # Where more than everything would have crept away a little is left.
+        return np.maximum(1.0 - self.power * crept, LEAST_LEFT) ** (1 / self.power)
+
+    def _closed(self, pressure_pa: Array) -> Array:
+        """(T,N) share of the gaps that close under a pressure."""
+        halves = np.maximum(pressure_pa, 0.0) / self.half_pa
+        if self.unevenness < SAME:
+            return np.asarray(1.0 - np.exp2(-halves))
+        return np.asarray(1.0 - (1.0 + (2**self.unevenness - 1.0) * halves) ** (-1 / self.unevenness))
 
     def _taken_in(self, drive: Array, pressure_pa: Array, time_s: Array) -> Array:
         """(T,N) mean of what has followed the drive (T,N) with each time constant."""

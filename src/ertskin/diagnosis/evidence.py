@@ -121,8 +121,10 @@ def gather(recording: Recording) -> Evidence:
     except np.linalg.LinAlgError:
         raise CannotTell("this scan can't tell all pair resistances apart") from None
     scan, spike = _channels_restored(protocol, voltage, scan, spike)
-    if limit is None and not _bent_at_top(voltage, (scan @ protocol.orthonormal.T).reshape(voltage.shape), spike):
-        scan, spike = _presses_restored(protocol, voltage, scan, spike, rest)
+    fitted = (scan @ protocol.orthonormal.T).reshape(voltage.shape)
+    clipped = limit is not None or _bent_at_top(voltage, fitted, spike)
+    bent_v = _bent_from(fitted[rest], spike[rest]) if clipped else np.inf
+    scan, spike = _presses_restored(protocol, np.where(fitted < bent_v, voltage, np.nan), scan, spike, rest)
     fitted = (scan @ protocol.orthonormal.T).reshape(voltage.shape)
     if limit is None and _bent_at_top(voltage, fitted, spike):
         limit = float(np.nanmax(voltage))
@@ -189,7 +191,8 @@ def _presses_restored(
 ) -> tuple[Array, NDArray[np.bool_]]:
     """Scans and spikes with whole frames put back that despiking thinned out though only presses have such spikes.
 
-    Spikes don't wait for a press; a press that moves during its scan leaves readings that no one network gives.
+    Spikes don't wait for a press; a press that moves during its scan leaves readings that no one network gives. What a
+    converter bends isn't among ``voltage``.
     """
     there = np.isfinite(voltage)
     rate = (spike & there).mean(axis=(1, 2))
@@ -200,6 +203,15 @@ def _presses_restored(
     scan, spike = scan.copy(), spike.copy()
     scan[odd], spike[odd] = despiked(protocol, voltage[odd], threshold=np.inf)
     return scan, spike
+
+
+def _bent_from(fitted: Array, spike: NDArray[np.bool_]) -> float:
+    """Voltage from which on a converter bends at rest: there more readings are taken for spikes than below."""
+    order = np.argsort(fitted, axis=None)[::-1]
+    odd = spike.ravel()[order]
+    # Counted down from the top, the readings that are bent more often than not.
+    excess = np.cumsum(np.where(odd, 1, -1))
+    return float(fitted.ravel()[order[excess.argmax()]]) if excess.max() > 0 else np.inf
 
 
 def _bent_at_top(voltage: Array, fitted: Array, spike: NDArray[np.bool_]) -> bool:

@@ -354,6 +354,8 @@ def _freer(term: Term) -> list[Term]:
             Term(added, ("fraction", "time_s", "decades", "exponent")),
             Term(replace(spread, multiplies=True), ("fraction", "time_s", "decades", "half_pa")),
         ]
+    if isinstance(effect, PiezoCreep) and "half_pa" in term.free and "power" not in term.free:
+        return [Term(effect.changed({"unevenness": 0.3}), (*term.free, "unevenness", "power"))]
     if isinstance(effect, ScanSkew) and "ease" not in term.free:
         eased = replace(effect, ease=0.5)
         return [Term(form, (*term.free, "ease")) for form in (eased, replace(eased, overshoots=True))]
