@@ -19,6 +19,7 @@ from physics.effects.effect import (
     Effect,
     ElectrodeEffect,
     FoamEffect,
+    PiezoEffect,
     PlacementEffect,
     SheetEffect,
 )
@@ -39,6 +40,10 @@ TAIL = 2e-5
 """Pressure below this part of its peak is left out. On the paper's pad, at 10 N and 0.1 mA, that changes the 276
 numbers by 0.06 of a 2 mV noise; ten times more left out would change them by half of it."""
 PAD_SAMPLES = 7
+UNCHANGED = 1e-5
+"""Relative change of conductance, of what presses have left behind, below which there is none."""
+TOGETHER = 2_000_000
+"""Pressures, over times and points, held at once where the whole sheet's past is looked at."""
 SKEW_NODES = 4
 """Moments within a scan at which a moving press is solved; the readings between follow by interpolation."""
 
@@ -188,11 +193,15 @@ class Skin:
         contacts = self.contact_resistances_ohm(history.time_s, on_pads)
         drift = self.drift(history.time_s)
         resting = self.resting_conductance_s
+        left = self._left_behind(history.time_s, contact, forces, wanted)
         result = np.empty((len(wanted), self.protocol.electrodes * (self.protocol.electrodes - 1) // 2))
         for group in _groups(contact[wanted], forces[wanted]):
             points, conductance = self.pressed_conductance_s(history.time_s, contact, forces, wanted[group])
             for k, row in enumerate(group):
                 sheet = resting.copy()
+                if left is not None:
+                    per_point = np.repeat(1 + left[row], self.sheet.weight_m2.shape[1])
+                    sheet *= per_point if sheet.ndim == 1 else per_point[:, None]
                 sheet[points] = conductance[k]
                 result[row] = self._solved(sheet, contacts[wanted[row]], drift[wanted[row]])
         return result
@@ -219,6 +228,30 @@ class Skin:
         pressure = self.pressure_pa(position[points], contact_m[frames], force_n[frames])
         fabric = self.fabric_ohm_sq(pressure, position[points], time_s[frames], np.searchsorted(frames, rows))
         return points, self.sheet_conductance_s(fabric, position[points])
+
+    @property
+    def remembers_air(self) -> bool:
+        """Whether places that were pressed are not as before while nothing touches them."""
+        return any(getattr(effect, "remembers_air", False) for effect in _of(self.effects, PiezoEffect))
+
+    def left_behind(
+        self, time_s: Array, position_m: Array, pressure_pa: Array, wanted: NDArray[np.intp] | None = None
+    ) -> Array:
+        """(n,N) relative change of conductance at points (N,2) at the ``wanted`` times, all T by default, after and
+        under pressures (T,N)."""
+        fabric = self.fabric_ohm_sq(pressure_pa, position_m, time_s, wanted)
+        return np.asarray(self.piezo.zero_ohm_sq / fabric - 1.0)
+
+    def _left_behind(self, time_s: Array, contact_m: Array, force_n: Array, wanted: NDArray[np.intp]) -> Array | None:
+        """(n,E) what presses have left of themselves in the sheet's elements, None where nothing remembers them."""
+        if not self.remembers_air:
+            return None
+        middle = self.sheet.quadrature_m.mean(axis=1)
+        change = np.zeros((len(wanted), len(middle)))
+        for few in np.array_split(np.arange(len(middle)), max(1, len(middle) * len(time_s) // TOGETHER)):
+            pressure = self.pressure_pa(middle[few], contact_m, force_n)
+            change[:, few] = self.left_behind(time_s, middle[few], pressure, wanted)
+        return np.where(np.abs(change) > UNCHANGED, change, 0.0)
 
     @staticmethod
     def _in_air(contact_m: Array, force_n: Array) -> NDArray[np.bool_]:

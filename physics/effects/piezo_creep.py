@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from physics.effects.effect import Array, PiezoEffect, parameter
-from physics.effects.exponential_memory import lagging
+from physics.effects.exponential_memory import lagging, moved_within_s
 
 STEPS = np.linspace(0.0, 1.0, 6)
 AGREED_PA = 1e4
@@ -90,5 +90,6 @@ class PiezoCreep(PiezoEffect):
         loaded = np.abs(pressure_pa).max(axis=1, initial=0.0) > 0
         cleared = None if self.remembers_air else ~loaded
         constants_s = self.time_s * 10 ** (self.decades * STEPS) if self.decades > 0 else [self.time_s]
-        taken_in = sum(lagging(drive, time_s, constant_s, cleared) for constant_s in constants_s)
+        ramp_s = moved_within_s(time_s)
+        taken_in = sum(lagging(drive, time_s, constant_s, cleared, ramp_s=ramp_s) for constant_s in constants_s)
         return np.asarray(taken_in / len(constants_s))

@@ -5,6 +5,9 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from dataclasses import replace
 
+import numpy as np
+from numpy.typing import NDArray
+
 from ertskin.diagnosis.claims import MATERIAL_RATIO, Claim
 from physics.effects.effect import Stage
 
@@ -34,6 +37,10 @@ KIN = {"history": "when", "time": "when", "place": "where", "electrode": "where"
 FORM = 0.25
 """Part of an effect's excess chi-square that a form which isn't exactly the skin's may leave to others."""
 LEAST = 0.5
+WORSE_BY = 1.0
+"""Chi-square a frame by which what presses change must fit worse for that not to be chance."""
+
+Array = NDArray[np.float64]
 
 
 def left_over(claims: Sequence[Claim], before: float, after: float) -> list[Claim]:
@@ -89,6 +96,33 @@ def overshadowed(
     share = explained / (explained + beyond)
     unshaken = (Stage.MECHANICS, Stage.ACQUISITION)
     return [c if c.effect.stage in unshaken else replace(c, confidence=c.confidence * share) for c in claims]
+
+
+def standing_only(
+    claims: Sequence[Claim], before: Array, after: Array, rest: NDArray[np.bool_], shown: Collection[str] = ()
+) -> list[Claim]:
+    """Names of what carries the current lose confidence where what presses change fits worse with them than without.
+
+    ``before`` and ``after`` (T,P) are residuals in units of the noise, noughts in frames not fitted, ``rest`` (T,) says
+    where nothing presses. A field of the sheet can be bent to any standing error of an electrode; how presses then
+    show it can't follow.
+    """
+    fitted = before.any(axis=1) & after.any(axis=1)
+    if not (fitted & rest).any() or not (fitted & ~rest).any():
+        return list(claims)
+    worse = _changing(after, fitted, rest) - _changing(before, fitted, rest)
+    if worse < WORSE_BY * int((fitted & ~rest).sum()):
+        return list(claims)
+    doubtful = (Stage.CONDUCTION, Stage.ELECTRODES)
+    return [
+        replace(c, confidence=LEAST * c.confidence) if c.effect.stage in doubtful and c.effect.name not in shown else c
+        for c in claims
+    ]
+
+
+def _changing(residual: Array, fitted: NDArray[np.bool_], rest: NDArray[np.bool_]) -> float:
+    """Chi-square of what a misfit of pressed frames has beyond the mean one at rest."""
+    return float(((residual[fitted & ~rest] - residual[fitted & rest].mean(axis=0)) ** 2).sum())
 
 
 def _kind(claim: Claim) -> set[str]:

@@ -22,7 +22,7 @@ from ertskin.diagnosis.claims import (
     estimate,
     verdict_of,
 )
-from ertskin.diagnosis.confidence import AXES_OF, left_over, left_over_of_force, mending, overshadowed
+from ertskin.diagnosis.confidence import AXES_OF, left_over, left_over_of_force, mending, overshadowed, standing_only
 from ertskin.diagnosis.doubt import settling_press
 from ertskin.diagnosis.drift_claims import drift_claims
 from ertskin.diagnosis.evidence import CannotTell, Evidence, gather
@@ -246,6 +246,8 @@ def _answer(
         shown.add(baseline.displaced.name)
     claims = mending(claims, shown)
     claims = overshadowed(claims, evidence.protocol.orthonormal.shape, ratios, left)
+    residuals = (selection.before.scan_residual, selection.after.scan_residual)
+    claims = standing_only(claims, *residuals, selection.problem.evidence.rest, shown)
     claims += _instrument_claims(evidence)
     claims.sort(key=lambda c: (c.effect.name == ContactDrift.name, -c.ratio_alone))
     tests_before, tests_after = (

@@ -35,6 +35,8 @@ ALIKE = 0.05
 NEAR_CONTACTS = 0.03
 """Relative change of contact resistances that their first derivatives still carry: a series resistance is linear."""
 COARSE_GRID_M = 0.01
+LEFT_GRID_M = 4e-3
+"""Grid for what presses have left behind: a press's own changes are resolved finer."""
 REMEMBERED = 2000
 """Pressures are remembered for grids of fewer points than this."""
 RANK = 128
@@ -232,6 +234,35 @@ class LinearSkin:
             self._rims.sensitivity(solution, self.protocol),
         )
 
+    # places not recovered --------------------------------------------------------------------------------------------
+
+    @cached_property
+    def _everywhere(self) -> tuple[Array, Array, NDArray[np.bool_]]:
+        """Nodes (H,2) over the whole sheet, derivatives (P,H) at rest by their relative conductance, and which nodes
+        each of the wanted frames has within reach of its own contacts (n,H): there the patches tell."""
+        low, high = self.skin.sensor.extent_m
+        hats = Hats(low, high, LEFT_GRID_M)
+        elements = np.arange(len(self.skin.sheet.weight_m2))
+        scale = np.exp(-self._field) / self.skin.piezo.zero_ohm_sq
+        values, tensor = hats.values(self._points), self._tensor[None]
+        columns = sheet_sensitivity(self._rest, elements, values, self._whitening, tensor, scale)[0]
+        present = _present(self._contact, self.force_n)
+        reach = self.skin.pressure.radius_m(TAIL)
+        own = np.zeros((len(self.wanted), len(hats.node_m)), dtype=bool)
+        for patch in self.patches:
+            frame = self.wanted[patch.rows[0]]
+            own[patch.rows] = _within(hats.node_m, self._contact[frame][present[frame]], reach)
+        return hats.node_m, columns, own
+
+    def _left_behind(self, skin: Skin, force_n: Array) -> Array | None:
+        """(n,P) change of the scans by what presses elsewhere have left, to first order; None if nothing remembers."""
+        if not skin.remembers_air:
+            return None
+        nodes, columns, own = self._everywhere
+        pressure = self._pressure(skin, force_n, nodes, np.arange(len(force_n)))
+        change = skin.left_behind(self.history.time_s, nodes, pressure, self.wanted)
+        return np.where(own, 0.0, change) @ columns.T
+
     # whole-sheet derivatives, on a coarser mesh ----------------------------------------------------------------------
 
     @cached_property
@@ -344,6 +375,7 @@ class LinearSkin:
         coarse = self._coarse_change(skin)
         moved = _pad_shifts(skin) - _pad_shifts(self.skin)
         self._settle_regime(skin, force_n)
+        left = self._left_behind(skin, force_n)
         if coarse is not None:
             _ = self.sheet_derivatives  # found once, before the threads ask for them
 
@@ -359,6 +391,8 @@ class LinearSkin:
                 scan = state.scan + change @ state.local.T
                 scan += (contacts[rows] - state.contact_ohm) @ state.contact.T
                 scan += broad[k]
+                if left is not None:
+                    scan += left[rows]
                 if moved.any():
                     scan += np.einsum("plc,lc->p", state.pads, moved)
                 result[rows] = factor[rows, None] * scan

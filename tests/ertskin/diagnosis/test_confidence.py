@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 from ertskin.diagnosis.claims import Claim
-from ertskin.diagnosis.confidence import left_over, left_over_of_force, mending, overshadowed
+from ertskin.diagnosis.confidence import left_over, left_over_of_force, mending, overshadowed, standing_only
 from physics.effects.effect import Effect
 from physics.effects.nonlinear_foam import NonlinearFoam
 from physics.effects.piezo_creep import PiezoCreep
@@ -51,3 +52,18 @@ def test_a_small_gain_in_the_network_means_little_beside_much_that_is_none() -> 
     assert overshadowed(sheet, (6624, 276), (10.0, 1.0), 1.06)[0].confidence > 0.9
     instrument = [claim(ScanSkew(speed_m_per_s=1e-3), 1.2)]
     assert overshadowed(instrument, (6624, 276), (1.2, 1.0), 1.5) == instrument
+
+
+def test_a_sheet_that_explains_what_stands_but_not_what_presses_change_is_less_sure() -> None:
+    rng = np.random.default_rng(3)
+    rest = np.arange(60) % 3 == 0
+    noise = rng.standard_normal((60, 30))
+    standing, pressed = 1.5 * rng.standard_normal(30), np.where(rest, 0.0, 1.0)[:, None] * rng.standard_normal(30)
+    claims = [claim(SheetAnisotropy(stretch_x=0.1), 1.8), claim(PiezoCreep(fraction=0.2), 1.8)]
+    assert standing_only(claims, noise + standing + pressed, noise, rest) == claims
+    assert standing_only(claims, noise + standing, noise, rest) == claims
+    doubted, kept = standing_only(claims, noise + standing, noise + pressed, rest)
+    assert doubted.confidence == pytest.approx(0.475)
+    assert kept.confidence == 0.95
+    shown = standing_only(claims, noise + standing, noise + pressed, rest, {SheetAnisotropy.name})
+    assert shown == claims

@@ -7,6 +7,7 @@ import pytest
 
 from ertskin.diagnosis.evidence import (
     _bent_at_top,
+    _bent_from,
     _channels_restored,
     _freedom,
     _leftover_noise_v,
@@ -84,6 +85,21 @@ def test_what_only_presses_show_is_no_spike(protocol: Protocol) -> None:
     anywhere[np.random.default_rng(4).random(anywhere.shape) < 0.01] += 1.0
     scan, spike = despiked(protocol, anywhere)
     assert np.array_equal(_presses_restored(protocol, anywhere, scan, spike, rest)[1], spike)
+
+
+def test_a_moving_press_is_no_spike_on_a_converter_that_bends_either(protocol: Protocol) -> None:
+    voltage = readings(protocol, 3)
+    rest = np.arange(FRAMES) < 3
+    knee = float(np.quantile(voltage, 0.9995))
+    moving = np.linspace(0, 1, voltage.shape[1])[:, None] ** 4 * 60 * NOISE_V
+    voltage[~rest] += moving
+    bent = np.where(voltage > knee, knee + 0.2 * (voltage - knee), voltage)
+    scan, spike = despiked(protocol, bent)
+    fitted = (scan @ protocol.orthonormal.T).reshape(bent.shape)
+    from_v = _bent_from(fitted[rest], spike[rest])
+    assert knee < from_v < knee + 20 * NOISE_V
+    _, left_out = _presses_restored(protocol, np.where(fitted < from_v, bent, np.nan), scan, spike, rest)
+    assert np.array_equal(left_out[~rest], fitted[~rest] >= from_v)
 
 
 def test_a_dead_channel_leaves_the_noise_as_it_is(protocol: Protocol) -> None:

@@ -65,6 +65,19 @@ def test_it_is_the_skin_where_it_was_made(skin: Skin, linear: LinearSkin) -> Non
     np.testing.assert_allclose(linear.scans(skin), whole(skin, linear), atol=5e-3 * signal)
 
 
+def test_places_that_creep_show_until_they_have_recovered(skin: Skin, history: History, linear: LinearSkin) -> None:
+    """The last frame, in air, sees two places that were pressed; without creep it is the first one but for drifts."""
+    creep = skin.effects[0]
+    assert isinstance(creep, PiezoCreep)
+    strong = skin.with_effects([replace(creep, fraction=0.6), *skin.effects[1:]])
+    forgetful = skin.with_effects([replace(creep, fraction=0.6, remembers_air=False), *skin.effects[1:]])
+    left = whole(strong, linear)[-1] - whole(forgetful, linear)[-1]
+    signal = np.abs(whole(strong, linear)[2] - whole(strong, linear)[0]).max()
+    assert np.abs(left).max() > 0.02 * signal
+    seen = linear.scans(strong)[-1] - linear.scans(forgetful)[-1]
+    np.testing.assert_allclose(seen, left, atol=0.05 * np.abs(left).max())
+
+
 def test_contact_derivatives_are_those_of_where_the_fit_is(skin: Skin, linear: LinearSkin) -> None:
     frames, pairs = len(linear.history), skin.protocol.orthonormal.shape[1]
     evidence = Evidence(

@@ -65,6 +65,33 @@ def test_creep_that_multiplies_loses_its_fraction_of_the_logarithm_of_resistance
     )
 
 
+@pytest.mark.parametrize(
+    ("power", "left"),
+    [(1.0, lambda crept: 1 - crept), (-1.0, lambda crept: 1 / (1 + crept)), (0.0, lambda crept: np.exp(-crept))],
+)
+def test_what_creeps_may_be_a_power_of_resistance_and_gaps_may_be_uneven(power: float, left) -> None:  # type: ignore[no-untyped-def]
+    time_s, pressure = np.array([0.0, 1e-6, 7.0]), np.array([[0.0], [1e4], [1e4]])
+    creep = PiezoCreep(fraction=0.3, time_s=7.0, half_pa=5e3, unevenness=1.0, power=power, multiplies=True)
+    factor = creep.resistance_factor(pressure, NOWHERE, time_s, EXTENT)
+    crept = 0.3 * (1e4 / (1e4 + 5e3)) * (1 - np.exp(-1))
+    assert factor[-1, 0] == pytest.approx(left(crept), rel=1e-5)
+    few = PiezoCreep(fraction=0.3, half_pa=5e3, unevenness=1e-5, power=power, multiplies=True)
+    plain = PiezoCreep(fraction=0.3, half_pa=5e3, power=power, multiplies=True)
+    np.testing.assert_allclose(
+        few.resistance_factor(pressure, NOWHERE, time_s, EXTENT),
+        plain.resistance_factor(pressure, NOWHERE, time_s, EXTENT),
+        rtol=1e-5,
+    )
+
+
+def test_a_press_moves_when_its_scan_is_over_and_then_stands() -> None:
+    """Creep after a long wait is that under the new pressure all along, not under one that rose the whole time."""
+    time_s = np.array([0.0, 0.1, 0.2, 0.3, 0.4, 8.4])
+    pressure = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 1e4])
+    effective = through(PiezoCreep(fraction=0.5, time_s=2.0, remembers_air=True), pressure, time_s)
+    assert effective[-1] == pytest.approx(1e4 * (1 + 0.5 * (1 - np.exp(-4.0))), rel=2e-3)
+
+
 def test_plays_of_spread_lags_round_the_turn_and_keep_the_loop() -> None:
     up = np.linspace(0, 1e4, 400)
     path = np.concatenate([up, up[::-1]])
