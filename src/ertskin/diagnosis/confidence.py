@@ -37,8 +37,8 @@ KIN = {"history": "when", "time": "when", "place": "where", "electrode": "where"
 FORM = 0.25
 """Part of an effect's excess chi-square that a form which isn't exactly the skin's may leave to others."""
 LEAST = 0.5
-WORSE_BY = 1.0
-"""Chi-square a frame by which what presses change must fit worse for that not to be chance."""
+LEFT = 0.5
+"""Part of the excess misfit of what presses change from which on it counts as left unexplained."""
 
 Array = NDArray[np.float64]
 
@@ -101,17 +101,20 @@ def overshadowed(
 def standing_only(
     claims: Sequence[Claim], before: Array, after: Array, rest: NDArray[np.bool_], shown: Collection[str] = ()
 ) -> list[Claim]:
-    """Names of what carries the current lose confidence where what presses change fits worse with them than without.
+    """Names of what carries the current lose confidence where they leave most of what presses change unexplained.
 
     ``before`` and ``after`` (T,P) are residuals in units of the noise, noughts in frames not fitted, ``rest`` (T,) says
     where nothing presses. A field of the sheet can be bent to any standing error of an electrode; how presses then
     show it can't follow.
     """
-    fitted = before.any(axis=1) & after.any(axis=1)
+    fitted = np.asarray(before.any(axis=1) & after.any(axis=1))
     if not (fitted & rest).any() or not (fitted & ~rest).any():
         return list(claims)
-    worse = _changing(after, fitted, rest) - _changing(before, fitted, rest)
-    if worse < WORSE_BY * int((fitted & ~rest).sum()):
+    (much, left), chance = (
+        (_changing(r, fitted, rest) for r in (before, after)),
+        _changing_by_chance(after, fitted, rest),
+    )
+    if left < chance or left < LEFT * much:
         return list(claims)
     doubtful = (Stage.CONDUCTION, Stage.ELECTRODES)
     return [
@@ -121,8 +124,16 @@ def standing_only(
 
 
 def _changing(residual: Array, fitted: NDArray[np.bool_], rest: NDArray[np.bool_]) -> float:
-    """Chi-square of what a misfit of pressed frames has beyond the mean one at rest."""
-    return float(((residual[fitted & ~rest] - residual[fitted & rest].mean(axis=0)) ** 2).sum())
+    """Excess chi-square of what a misfit of pressed frames has beyond the mean one at rest."""
+    change = residual[fitted & ~rest] - residual[fitted & rest].mean(axis=0)
+    return float((change**2).sum()) - change.size * (1 + 1 / int((fitted & rest).sum()))
+
+
+def _changing_by_chance(residual: Array, fitted: NDArray[np.bool_], rest: NDArray[np.bool_]) -> float:
+    """Five standard deviations of ``_changing`` where there is noise alone."""
+    pressed, still = int((fitted & ~rest).sum()), int((fitted & rest).sum())
+    # The mean at rest is common to all pressed frames.
+    return 5 * float(np.sqrt(2 * residual.shape[1] * (pressed + (pressed / still) ** 2)))
 
 
 def _kind(claim: Claim) -> set[str]:

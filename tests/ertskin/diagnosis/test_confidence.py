@@ -62,8 +62,8 @@ def test_a_sheet_that_explains_what_stands_but_not_what_presses_change_is_less_s
     claims = [claim(SheetAnisotropy(stretch_x=0.1), 1.8), claim(PiezoCreep(fraction=0.2), 1.8)]
     assert standing_only(claims, noise + standing + pressed, noise, rest) == claims
     assert standing_only(claims, noise + standing, noise, rest) == claims
-    doubted, kept = standing_only(claims, noise + standing, noise + pressed, rest)
+    doubted, kept = standing_only(claims, noise + standing + pressed, noise + pressed, rest)
     assert doubted.confidence == pytest.approx(0.475)
     assert kept.confidence == 0.95
-    shown = standing_only(claims, noise + standing, noise + pressed, rest, {SheetAnisotropy.name})
+    shown = standing_only(claims, noise + standing + pressed, noise + pressed, rest, {SheetAnisotropy.name})
     assert shown == claims
