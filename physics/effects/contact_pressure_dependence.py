@@ -9,6 +9,9 @@ import numpy as np
 
 from physics.effects.effect import Array, ElectrodeEffect, parameter
 
+LEAST_OHM = 1e-2
+"""What no pressure brings a contact below."""
+
 
 @dataclass(frozen=True)
 class ContactPressureDependence(ElectrodeEffect):
@@ -25,4 +28,4 @@ class ContactPressureDependence(ElectrodeEffect):
 
     def contact_resistance_ohm(self, resistance_ohm: Array, pad_pressure_pa: Array, time_s: Array) -> Array:
         loaded = 1 + self.sensitivity_per_pa * np.maximum(pad_pressure_pa, 0.0)
-        return np.asarray(resistance_ohm / loaded**self.exponent)
+        return np.asarray(np.maximum(resistance_ohm / loaded**self.exponent, np.minimum(resistance_ohm, LEAST_OHM)))

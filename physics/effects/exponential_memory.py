@@ -8,6 +8,9 @@ from numpy.typing import NDArray
 
 from physics.effects.effect import Array
 
+AIR = 0.01
+"""Part of the drive before or after a step that is as good as none."""
+
 
 def relaxing(
     drive: Array,
@@ -15,34 +18,42 @@ def relaxing(
     constant_s: float,
     cleared: NDArray[np.bool_] | None = None,
     *,
-    ramp_s: float = np.inf,
+    moves_s: float = np.inf,
 ) -> Array:
     """(T,...) h with h' = drive' - h/tau, h(0) = drive(0): what of the drive (T,...) has not relaxed yet.
 
-    A Maxwell branch under a drive linear between the times (T,), or that is there after ``ramp_s`` and stands; exact
-    for any step. Where ``cleared`` (T,) the memory is empty: h = drive.
+    A Maxwell branch under a drive linear between the times (T,); exact for any step. A drive that leaves for nothing
+    does so within the first ``moves_s`` of a step, one that comes from nothing within the last. Where ``cleared`` (T,)
+    the memory is empty: h = drive.
     """
     step = np.diff(time_s, prepend=time_s[0])
-    ramp = np.minimum(step, ramp_s)
-    decay = np.exp(-step / constant_s)
-    share = ramp / constant_s
-    gain = np.where(share > 0, -np.expm1(-share) / np.where(share > 0, share, 1.0), 1.0)
-    gain = gain * np.exp(-(step - ramp) / constant_s)
+    moving = np.minimum(step, moves_s)
+    standing = np.exp(-(step - moving) / constant_s)
+    coming = _ramped(moving / constant_s)
+    gains = np.stack([_ramped(step / constant_s), coming * standing, coming])
     forget = np.zeros(len(drive), dtype=np.bool_) if cleared is None else cleared
     memory = np.empty_like(drive)
-    _step(memory.reshape(len(drive), -1), np.ascontiguousarray(drive).reshape(len(drive), -1), decay, gain, forget)
+    flat = np.ascontiguousarray(drive).reshape(len(drive), -1)
+    _step(memory.reshape(len(drive), -1), flat, np.exp(-step / constant_s), gains, forget)
     return memory
 
 
+def _ramped(share: Array) -> Array:
+    """What is left at the end of a rise by one that takes this share (T,) of the time constant."""
+    return np.where(share > 0, -np.expm1(-share) / np.where(share > 0, share, 1.0), 1.0)
+
+
 @njit(cache=True, nogil=True)
-def _step(memory, drive, decay, gain, forget):  # type: ignore[no-untyped-def]
+def _step(memory, drive, decay, gains, forget):  # type: ignore[no-untyped-def]
     memory[0] = drive[0]
     for t in range(1, len(drive)):
         for n in range(drive.shape[1]):
             if forget[t]:
                 memory[t, n] = drive[t, n]
                 continue
-            memory[t, n] = decay[t] * memory[t - 1, n] + gain[t] * (drive[t, n] - drive[t - 1, n])
+            before, now = abs(drive[t - 1, n]), abs(drive[t, n])
+            way = 1 if now < AIR * before else 2 if before < AIR * now else 0
+            memory[t, n] = decay[t] * memory[t - 1, n] + gains[way, t] * (drive[t, n] - drive[t - 1, n])
 
 
 def lagging(
@@ -51,19 +62,19 @@ def lagging(
     constant_s: float,
     cleared: NDArray[np.bool_] | None = None,
     *,
-    ramp_s: float = np.inf,
+    moves_s: float = np.inf,
 ) -> Array:
     """(T,...) m with m' = (drive - m)/tau, starting at rest: what of the drive has been taken in by now.
 
-    Where ``cleared`` (T,) nothing has: m = 0. ``ramp_s`` as of ``relaxing``.
+    Where ``cleared`` (T,) nothing has: m = 0. ``moves_s`` as of ``relaxing``.
     """
-    return drive - relaxing(drive, time_s, constant_s, cleared, ramp_s=ramp_s)
+    return drive - relaxing(drive, time_s, constant_s, cleared, moves_s=moves_s)
 
 
-def moved_within_s(time_s: Array) -> float:
-    """How long a press moves between frames at times (T,): no longer than between most of them, then it stands.
+def moves_within_s(time_s: Array) -> float:
+    """How long a press takes to come or go, where frames are at times (T,): no longer than most steps between them.
 
-    A stage sets out when a scan is over, and what is longer than usual it waits, or travels through the air.
+    A stage leaves when its last scan is over and lands before the next one; what is longer it spends in the air.
     """
     step = np.diff(time_s)
     step = step[step > 0]

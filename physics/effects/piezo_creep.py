@@ -8,29 +8,32 @@ from typing import ClassVar
 import numpy as np
 
 from physics.effects.effect import Array, PiezoEffect, parameter
-from physics.effects.exponential_memory import lagging, moved_within_s
+from physics.effects.exponential_memory import lagging, moves_within_s
 
 STEPS = np.linspace(0.0, 1.0, 6)
 AGREED_PA = 1e4
 SAME = 1e-6
 """Below it ``power`` and ``unevenness`` are as good as none."""
-LEAST_LEFT = 1e-6
+LEAST_LEFT = 1e-3
+"""Part of the resistance that no creep takes away."""
 
 
 @dataclass(frozen=True)
 class PiezoCreep(PiezoEffect):
     """The fabrics settle into one another: the resistance goes on falling under a pressure that stays.
 
-    The law answers to p + fraction m, m following p with time constant tau. With ``decades`` > 0 it is the mean of six
+    The law answers to p + fraction m, m following p with time constant tau; a press leaves for the air, or comes from
+    there, no slower than most frames follow one another. With ``decades`` > 0 it is the mean of six
     such m, their time constants evenly spread in the logarithm from ``time_s`` on over so many decades: fabrics creep
     with the logarithm of time. They need not creep in proportion to the pressure: m follows p to the power
     ``exponent``, scaled to agree with p at ``AGREED_PA``.
 
     Where it ``multiplies``, the law's resistance is multiplied by exp(-fraction m), m following 1 - 2^(-p/half_pa):
-    spots in contact grow, and gaps of exponentially distributed widths leave ever fewer to close. The mean of these
-    widths may differ over the fabric: with ``unevenness`` u > 0 (a gamma distribution's variance over its mean square)
-    m follows 1 - (1 + (2^u - 1) p/half_pa)^(-1/u), at u = 1 p/(p + half_pa). With ``power`` a the a-th power of the
-    resistance falls in proportion to m instead of its logarithm: at 1 the resistance, at -1 the conductance grows.
+    spots in contact grow, and gaps of exponentially distributed widths leave ever fewer to close. One over the mean of
+    these widths may differ over the fabric: with ``unevenness`` u > 0, its variance over its mean square in a gamma
+    distribution, m follows 1 - (1 + (2^u - 1) p/half_pa)^(-1/u), at u = 1 p/(p + half_pa). With ``power`` a the a-th
+    power of the resistance falls in proportion to m instead of its logarithm: at 1 the resistance, at -1 the
+    conductance grows.
     """
 
     name: ClassVar[str] = "piezo_creep"
@@ -76,7 +79,8 @@ class PiezoCreep(PiezoEffect):
         if abs(self.power) < SAME:
             return np.exp(-crept)
         # Where more than everything would have crept away a little is left.
-        return np.maximum(1.0 - self.power * crept, LEAST_LEFT) ** (1 / self.power)
+        least = LEAST_LEFT**self.power if self.power > 0 else 0.0
+        return np.maximum(1.0 - self.power * crept, least) ** (1 / self.power)
 
     def _closed(self, pressure_pa: Array) -> Array:
         """(T,N) share of the gaps that close under a pressure."""
@@ -90,6 +94,6 @@ class PiezoCreep(PiezoEffect):
         loaded = np.abs(pressure_pa).max(axis=1, initial=0.0) > 0
         cleared = None if self.remembers_air else ~loaded
         constants_s = self.time_s * 10 ** (self.decades * STEPS) if self.decades > 0 else [self.time_s]
-        ramp_s = moved_within_s(time_s)
-        taken_in = sum(lagging(drive, time_s, constant_s, cleared, ramp_s=ramp_s) for constant_s in constants_s)
+        moves_s = moves_within_s(time_s)
+        taken_in = sum(lagging(drive, time_s, constant_s, cleared, moves_s=moves_s) for constant_s in constants_s)
         return np.asarray(taken_in / len(constants_s))

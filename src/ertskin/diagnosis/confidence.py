@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ertskin.diagnosis.claims import MATERIAL_RATIO, Claim
-from physics.effects.effect import Stage
+from physics.effects.effect import Effect, Stage
 
 AXES_OF = {
     "nonlinear_foam": ("force",),
@@ -37,6 +37,8 @@ KIN = {"history": "when", "time": "when", "place": "where", "electrode": "where"
 FORM = 0.25
 """Part of an effect's excess chi-square that a form which isn't exactly the skin's may leave to others."""
 LEAST = 0.5
+MATERIAL = 1.03**2 - 1
+"""Excess mean square that is worth a doubt; far above what chance makes of any recording."""
 LEFT = 0.5
 """Part of the excess misfit of what presses change from which on it counts as left unexplained."""
 
@@ -110,30 +112,21 @@ def standing_only(
     fitted = np.asarray(before.any(axis=1) & after.any(axis=1))
     if not (fitted & rest).any() or not (fitted & ~rest).any():
         return list(claims)
-    (much, left), chance = (
-        (_changing(r, fitted, rest) for r in (before, after)),
-        _changing_by_chance(after, fitted, rest),
-    )
-    if left < chance or left < LEFT * much:
+    much, left = (_changing(residual, fitted, rest) for residual in (before, after))
+    if left < MATERIAL or left < LEFT * much:
         return list(claims)
-    doubtful = (Stage.CONDUCTION, Stage.ELECTRODES)
-    return [
-        replace(c, confidence=LEAST * c.confidence) if c.effect.stage in doubtful and c.effect.name not in shown else c
-        for c in claims
-    ]
+
+    def doubtful(effect: Effect) -> bool:
+        standing = effect.stage in (Stage.CONDUCTION, Stage.ELECTRODES) and "time" not in AXES_OF[effect.name]
+        return standing and effect.name not in shown
+
+    return [replace(c, confidence=LEAST * c.confidence) if doubtful(c.effect) else c for c in claims]
 
 
 def _changing(residual: Array, fitted: NDArray[np.bool_], rest: NDArray[np.bool_]) -> float:
-    """Excess chi-square of what a misfit of pressed frames has beyond the mean one at rest."""
+    """Excess mean square of what a misfit of pressed frames has beyond the mean one at rest."""
     change = residual[fitted & ~rest] - residual[fitted & rest].mean(axis=0)
-    return float((change**2).sum()) - change.size * (1 + 1 / int((fitted & rest).sum()))
-
-
-def _changing_by_chance(residual: Array, fitted: NDArray[np.bool_], rest: NDArray[np.bool_]) -> float:
-    """Five standard deviations of ``_changing`` where there is noise alone."""
-    pressed, still = int((fitted & ~rest).sum()), int((fitted & rest).sum())
-    # The mean at rest is common to all pressed frames.
-    return 5 * float(np.sqrt(2 * residual.shape[1] * (pressed + (pressed / still) ** 2)))
+    return float((change**2).mean()) - (1 + 1 / int((fitted & rest).sum()))
 
 
 def _kind(claim: Claim) -> set[str]:

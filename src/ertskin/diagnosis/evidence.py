@@ -122,11 +122,15 @@ def gather(recording: Recording) -> Evidence:
         raise CannotTell("this scan can't tell all pair resistances apart") from None
     scan, spike = _channels_restored(protocol, voltage, scan, spike)
     fitted = (scan @ protocol.orthonormal.T).reshape(voltage.shape)
-    clipped = limit is not None or _bent_at_top(voltage, fitted, spike)
-    bent_v = _bent_from(fitted[rest], spike[rest]) if clipped else np.inf
-    scan, spike = _presses_restored(protocol, np.where(fitted < bent_v, voltage, np.nan), scan, spike, rest)
-    fitted = (scan @ protocol.orthonormal.T).reshape(voltage.shape)
-    if limit is None and _bent_at_top(voltage, fitted, spike):
+    bent = _bent_at_top(voltage, fitted, spike)
+    straight: Array | None = voltage
+    if bent or limit is not None:
+        bent_v = _bent_from(fitted[rest], spike[rest])
+        straight = np.where(fitted < bent_v, voltage, np.nan) if np.isfinite(bent_v) else None
+    if straight is not None:
+        scan, spike = _presses_restored(protocol, straight, scan, spike, rest)
+        fitted = (scan @ protocol.orthonormal.T).reshape(voltage.shape)
+    if limit is None and bent:
         limit = float(np.nanmax(voltage))
     leftover = np.where(spike | ~np.isfinite(voltage), 0.0, voltage - fitted)
     freedom = _freedom(protocol, np.isfinite(voltage).mean(axis=0) > 0.5)

@@ -1,7 +1,8 @@
 """A skin linearised about the states its recording visits: scans for other parameters without solving again.
 
 What a parameter does to the sheet's conductance near the contacts is computed exactly, on a small grid around them;
-only conduction is linear, about a solution of the nearest state. Everything is in whitened coordinates (volt).
+only conduction is linear, about a solution of the nearest state, and for what presses have left behind elsewhere, about
+rest. Everything is in whitened coordinates (volt).
 """
 
 from __future__ import annotations
@@ -261,7 +262,10 @@ class LinearSkin:
         nodes, columns, own = self._everywhere
         pressure = self._pressure(skin, force_n, nodes, np.arange(len(force_n)))
         change = skin.left_behind(self.history.time_s, nodes, pressure, self.wanted)
-        return np.where(own, 0.0, change) @ columns.T
+        # The current that flows anyway dissipates with the resistance.
+        extent = skin.sensor.extent_m
+        field = _log_field(skin.effects, nodes, extent) - _log_field(self.skin.effects, nodes, extent)
+        return np.where(own, 0.0, change * np.exp(field)) @ columns.T
 
     # whole-sheet derivatives, on a coarser mesh ----------------------------------------------------------------------
 
@@ -494,7 +498,7 @@ def _memory_frames(contact_m: Array, force_n: Array, spots: Array, reach_m: floa
     close = ~_present(contact_m, force_n).any(axis=1)
     for spot in spots:
         apart = np.nan_to_num(np.hypot(*np.moveaxis(contact_m - spot, -1, 0)), nan=np.inf)
-        close |= (apart < 1.5 * reach_m).any(axis=1)
+        close |= (apart < 2 * reach_m).any(axis=1)
     return np.flatnonzero(close)
 
 

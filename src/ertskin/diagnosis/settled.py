@@ -18,6 +18,8 @@ FAR = 0.25
 WORSE = 1.02
 """Factor by which the misfit of a few frames may grow by chance."""
 TURNS = 6
+NEARER = 0.7
+"""Factor by which a turn must bring the linearised skin nearer to the skin for another to be worth it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,7 +36,7 @@ class Standing:
     def strays(self) -> bool:
         """Whether the fit has gone where the linearised skin no longer is the skin."""
         claimed = float(np.sqrt(np.mean(self.solved.scan_residual[_sampled(self.problem)] ** 2)))
-        return self.off > FAR * max(1.0, claimed)
+        return not self.off <= FAR * max(1.0, claimed)
 
     def spoils(self, other: Standing) -> bool:
         """Whether frames solved in full fit worse than in the ``other``."""
@@ -56,13 +58,20 @@ def standing(problem: VoltageProblem, solved: Solved) -> Standing:
 
 
 def settled(build: Problem, solved: Solved) -> Standing:
-    """Linearised about the fit and fitted again, until the fit stays where the linearised skin is the skin."""
+    """Linearised about the fit and fitted again, until the fit stays where the linearised skin is the skin.
+
+    What presses have left behind elsewhere is to first order about rest wherever the skin is linearised: where that
+    is what they differ by, no further turn helps.
+    """
+    off = np.inf
+    lasting = any(getattr(effect, "remembers_air", False) for effect in solved.effects)
     for _ in range(TURNS):
         problem = build(solved)
         solved = problem.solve(solved.terms, solved.calibration)
         here = standing(problem, solved)
-        if not here.strays:
+        if not here.strays or (lasting and here.off > NEARER * off):
             break
+        off = here.off
     return here
 
 

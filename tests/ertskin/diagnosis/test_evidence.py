@@ -102,6 +102,18 @@ def test_a_moving_press_is_no_spike_on_a_converter_that_bends_either(protocol: P
     assert np.array_equal(left_out[~rest], fitted[~rest] >= from_v)
 
 
+def test_where_rest_frames_are_straight_nothing_bent_is_put_back(protocol: Protocol) -> None:
+    voltage = readings(protocol, 3)
+    rest = np.arange(FRAMES) < 3
+    voltage[rest] *= 0.9
+    knee = float(np.quantile(voltage, 0.9995))
+    bent = np.where(voltage > knee, knee + 0.2 * (voltage - knee), voltage)
+    scan, spike = despiked(protocol, bent)
+    fitted = (scan @ protocol.orthonormal.T).reshape(bent.shape)
+    assert _bent_at_top(bent, fitted, spike)
+    assert _bent_from(fitted[rest], spike[rest]) == np.inf
+
+
 def test_a_dead_channel_leaves_the_noise_as_it_is(protocol: Protocol) -> None:
     voltage = readings(protocol, 5)
     voltage[..., 7] = np.nan

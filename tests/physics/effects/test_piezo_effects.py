@@ -84,12 +84,26 @@ def test_what_creeps_may_be_a_power_of_resistance_and_gaps_may_be_uneven(power: 
     )
 
 
-def test_a_press_moves_when_its_scan_is_over_and_then_stands() -> None:
-    """Creep after a long wait is that under the new pressure all along, not under one that rose the whole time."""
-    time_s = np.array([0.0, 0.1, 0.2, 0.3, 0.4, 8.4])
-    pressure = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 1e4])
-    effective = through(PiezoCreep(fraction=0.5, time_s=2.0, remembers_air=True), pressure, time_s)
-    assert effective[-1] == pytest.approx(1e4 * (1 + 0.5 * (1 - np.exp(-4.0))), rel=2e-3)
+def test_long_waits_before_and_after_a_press_are_spent_in_the_air() -> None:
+    """Whatever a long step holds beyond the usual half second, it is no creep under a pressure that comes or goes."""
+    creep = PiezoCreep(fraction=0.5, time_s=2.0, remembers_air=True)
+    time_s = np.concatenate([0.5 * np.arange(5), 2.0 + 8.0 + 0.5 * np.arange(5), [22.0, 22.5]])
+    pressure = np.concatenate([np.zeros(5), np.full(5, 1e4), [0.0, 0.0]])
+    waited = through(creep, pressure, time_s)
+    soon = np.concatenate([0.5 * np.arange(11), [5.5]])
+    at_once = through(creep, pressure, soon)
+    np.testing.assert_allclose(waited[5:10], at_once[5:10], rtol=1e-9)
+    taken_in = 1e4 * 0.5 * (1 - np.exp(-1.0))
+    assert at_once[10] == pytest.approx(taken_in, rel=0.15)
+    assert waited[10] == pytest.approx(at_once[10] * np.exp(-9.5 / 2.0), rel=1e-9)
+
+
+def test_between_pressures_a_press_moves_all_the_time() -> None:
+    time_s, pressure = np.array([0.0, 0.5, 1.0, 1.5, 9.5]), np.array([1e3, 2e3, 4e3, 6e3, 1e4])
+    creep = PiezoCreep(fraction=0.5, time_s=2.0, remembers_air=True)
+    fine_s = np.concatenate([time_s[:4], np.linspace(1.5, 9.5, 400)[1:]])
+    fine = through(creep, np.interp(fine_s, time_s, pressure), fine_s)
+    assert through(creep, pressure, time_s)[-1] == pytest.approx(fine[-1], rel=1e-6)
 
 
 def test_plays_of_spread_lags_round_the_turn_and_keep_the_loop() -> None:
