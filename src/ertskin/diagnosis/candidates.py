@@ -134,7 +134,7 @@ def _loaded_contacts(
 
     def finish(value: Array) -> Term:
         share = float(np.clip(value[0], 0.05, 20.0))
-        return Term(effect.changed({"sensitivity_per_pa": sensitivity * share}), ("sensitivity_per_pa", "exponent"))
+        return Term(effect.changed({"sensitivity_per_pa": sensitivity * share}), ("sensitivity_per_pa", "bend"))
 
     trials.append(([(effect, 1.0)], finish))
 

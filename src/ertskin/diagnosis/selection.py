@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ertskin.diagnosis.candidates import Candidate, screen
 from ertskin.diagnosis.claims import Rival
 from ertskin.diagnosis.settled import WORSE, Standing, settled, standing
-from ertskin.diagnosis.skin_family import Calibration
+from ertskin.diagnosis.skin_family import WIDEST_RATIO, Calibration
 from ertskin.diagnosis.smooth_fields import with_smooth_fields
 from ertskin.diagnosis.voltage_fit import Solved, Term, VoltageProblem, held_out
 from physics.conduction.mesh import MeshError
@@ -34,6 +34,10 @@ WORTH_TRYING = 0.15
 """Least part of the best candidate's expected gain that makes another worth a fit."""
 SHARES = 1.0, 0.3, 0.1
 """Of a candidate's size, at which it is begun."""
+RUN_AWAY = 0.98
+"""Part of the widest ratio of moduli from which on a fit is taken to have run away."""
+AGAIN = 10
+"""Steps from the nominal ratio of moduli, which is further off."""
 ALIKE = 0.5
 """Part of the best form's gain from which another form of the same effect is settled too."""
 INDISPENSABLE = 2.0
@@ -292,13 +296,19 @@ def _try(
 
 
 def _beside(problem: VoltageProblem, current: Solved, term: Term, leftover: bool) -> Solved:
-    """The fit with one more term. A start to first order may lie where no descent comes back from: then from nearer."""
+    """The fit with one more term. A start to first order may lie where no descent comes back from: then from nearer.
+
+    Where the calibration has gone to its bound to make up for what was missing it doesn't come back by itself either.
+    """
     fits: list[Solved] = []
     for share in SHARES:
         terms = [*current.terms, term.nearer(share)]
         fits.append(problem.solve(terms, current.calibration, steps=4, leftover=leftover))
         if fits[-1].cost <= current.cost:
             break
+    if abs(current.calibration.log_ratio) > RUN_AWAY * WIDEST_RATIO:
+        nominal = replace(current.calibration, log_ratio=0.0)
+        fits.append(problem.solve([*current.terms, term], nominal, steps=AGAIN, leftover=leftover))
     return min(fits, key=lambda fit: fit.cost)
 
 

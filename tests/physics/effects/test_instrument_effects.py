@@ -50,9 +50,21 @@ def test_anisotropic_tensor_has_its_ratio_and_axis() -> None:
 
 
 def test_contacts_fall_under_pressure_and_sheet_drifts_in_time() -> None:
-    pressed = ContactPressureDependence(sensitivity_per_pa=1e-4, exponent=1.0)
+    pressed = ContactPressureDependence(sensitivity_per_pa=1e-4, bend=1.0)
     np.testing.assert_allclose(
         pressed.contact_resistance_ohm(np.full((1, 2), 300.0), np.array([[0.0, 1e4]]), np.zeros(1)), [[300.0, 150.0]]
     )
     drift = TemperatureDrift(rate_per_h=0.1).drift(np.array([0.0, 3600.0]))
     np.testing.assert_allclose(drift, [1.0, np.exp(0.1)], rtol=1e-4)
+
+
+def test_contacts_may_fall_as_a_power_of_the_load_or_exponentially() -> None:
+    load, resistance = np.array([[0.0, 1e3, 1e4]]), np.full((1, 3), 300.0)
+
+    def fallen(bend: float) -> np.ndarray:
+        effect = ContactPressureDependence(sensitivity_per_pa=1e-4, bend=bend)
+        return effect.contact_resistance_ohm(resistance, load, np.zeros(1))[0] / 300.0
+
+    np.testing.assert_allclose(fallen(2.0), (1 + 2e-4 * load[0]) ** -0.5)
+    np.testing.assert_allclose(fallen(0.0), np.exp(-1e-4 * load[0]))
+    np.testing.assert_allclose(fallen(1e-4), fallen(0.0), rtol=1e-3)
