@@ -105,7 +105,7 @@ def _trials(problem: VoltageProblem, present: set[str]) -> list[tuple[Probes, Ca
     ladder = PiezoCreep(time_s=0.3, decades=4.0, remembers_air=True)
     plain(ladder, ("fraction",), ("fraction", "time_s", "decades"))
     plain(replace(ladder, multiplies=True), ("fraction",), ("fraction", "time_s", "decades"))
-    for sensitivity in (2e-5, 3e-4):
+    for sensitivity in (2e-5, 3e-4, 3e-3):
         _loaded_contacts(trials, sensitivity, present)
     placement = ("dx_m", "dy_m", "rotation_rad")
     plain(IndenterOffset(), placement, placement)

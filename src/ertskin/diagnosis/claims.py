@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from ertskin.diagnosis.repeatability import Repeatability
 from physics.effects.effect import Effect, Parameter
 
 LEVEL = 0.9
@@ -87,7 +88,8 @@ class HeldOut:
 class Diagnosis:
     """The answer, as written to ``diagnosis.json``.
 
-    ``remainder_ratio``: held-out misfit where a model without a name predicts what the names leave.
+    ``remainder_ratio``: held-out misfit where a model without a name predicts what the names leave; ``presses_differ``
+    how presses scatter where that is most of what the names leave.
     """
 
     recording: str
@@ -102,6 +104,7 @@ class Diagnosis:
     unexplained_ratio: float | None = None
     unexplained_depends_on: tuple[str, ...] = ()
     remainder_ratio: float | None = None
+    presses_differ: Repeatability | None = None
     next_press: dict[str, Any] | None = None
     reason: str | None = None
     extra: dict[str, Any] = field(default_factory=dict)
@@ -137,6 +140,7 @@ class Diagnosis:
                 "ratio": self.unexplained_ratio,
                 "depends_on": list(self.unexplained_depends_on),
                 "ratio_with_nameless_model": self.remainder_ratio,
+                "presses_differ": None if self.presses_differ is None else self.presses_differ.plain(),
             },
             "next_press": self.next_press,
         }

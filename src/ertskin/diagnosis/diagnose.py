@@ -29,6 +29,7 @@ from ertskin.diagnosis.evidence import CannotTell, Evidence, gather
 from ertskin.diagnosis.force_fit import STARTS, ForceData, ForceFit, fit_force, free_parameters
 from ertskin.diagnosis.linear_skin import LinearSkin
 from ertskin.diagnosis.remainder import remainder
+from ertskin.diagnosis.repeatability import heaviest_frames, repeatability
 from ertskin.diagnosis.residuals import AxisTest, axis_tests, depends_on
 from ertskin.diagnosis.selection import Chosen, Selection, select
 from ertskin.diagnosis.skin_family import SHAPE, Calibration, SkinFamily
@@ -144,10 +145,29 @@ def _diagnose(recording: Recording, name: str, report: Report, resolution: str, 
         nameless = remainder(train.history, selection.after.scan_residual, evidence.history[held])
         ratio = _ratio(after - nameless)
         findings = replace(findings, diagnosis=replace(findings.diagnosis, remainder_ratio=ratio))
+        findings = _with_presses_that_differ(findings, family, usable)
     report(0.92, "looking for the press that would settle what is in doubt")
     fitted_skin = family.skin(selection.after.calibration, selection.after.effects)
     press = settling_press(evidence, fitted_skin, baseline.force_noise.rms_n, findings.diagnosis.claims)
     return replace(findings, diagnosis=replace(findings.diagnosis, next_press=press))
+
+
+def _with_presses_that_differ(findings: Findings, family: SkinFamily, usable: NDArray[np.bool_]) -> Findings:
+    """The findings with how presses scatter, where that is most of what is left."""
+    evidence, baseline, selection = findings.evidence, findings.baseline, findings.selection
+    assert evidence is not None
+    assert baseline is not None
+    assert selection is not None
+    rows = heaviest_frames(evidence.history, usable)
+    skin = family.remeshed(selection.after.calibration, selection.after.effects)
+    found = repeatability(
+        lambda s, force_n: _residual(evidence, s, force_n, rows), skin, evidence.history, baseline.force_n, rows
+    )
+    if not found.matters:
+        return findings
+    depends_on = (*findings.diagnosis.unexplained_depends_on, "press")
+    diagnosis = replace(findings.diagnosis, presses_differ=found, unexplained_depends_on=depends_on)
+    return replace(findings, diagnosis=diagnosis)
 
 
 def _placed(evidence: Evidence) -> NDArray[np.bool_]:

@@ -18,6 +18,7 @@ from ertskin.diagnosis.claims import Claim, Diagnosis, gathered
 from ertskin.diagnosis.diagnose import Findings
 from ertskin.diagnosis.drawn import Drawing, DrawnFindings
 from ertskin.diagnosis.residuals import AxisTest
+from ertskin.diagnosis.summary import in_words
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -82,6 +83,8 @@ def _misfit(diagnosis: Diagnosis) -> str:
         rows.append(("noise of a reading", f"{1e3 * held.noise_rms_v:.3g} mV"))
     if diagnosis.remainder_ratio is not None:
         rows.append(("misfit after, with a nameless model of what stays", f"{diagnosis.remainder_ratio:.3f}"))
+    if diagnosis.presses_differ is not None:
+        rows.append(("what is left", html.escape(in_words(diagnosis.presses_differ))))
     if held.force_before_n is not None and held.force_after_n is not None:
         rows.append(("force rmse before, after", f"{held.force_before_n:.3g} N, {held.force_after_n:.3g} N"))
     return "<table>" + "".join(f"<tr><td>{a}</td><td>{b}</td></tr>" for a, b in rows) + "</table>"

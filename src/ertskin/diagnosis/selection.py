@@ -36,8 +36,6 @@ SHARES = 1.0, 0.3, 0.1
 """Of a candidate's size, at which it is begun."""
 RUN_AWAY = 0.98
 """Part of the widest ratio of moduli from which on a fit is taken to have run away."""
-AGAIN = 10
-"""Steps from the nominal ratio of moduli, which is further off."""
 ALIKE = 0.5
 """Part of the best form's gain from which another form of the same effect is settled too."""
 INDISPENSABLE = 2.0
@@ -105,7 +103,7 @@ def select(
         here = settled(build, here.solved)
     before = here.solved
     if begun:
-        there = _begun(build, here, [*fixed, *(term for term, _ in begun)])
+        there = _begun(build, _sober(build, here), [*fixed, *(term for term, _ in begun)])
         if there is not None:
             here, fixed = _without_drifts(build, there, fixed)
         # A form is freed about the fit itself: further off it would mend what linearising leaves.
@@ -113,7 +111,8 @@ def select(
     rounds: list[tuple[tuple[str, float], ...]] = []
     stand: dict[str, Rivals] = {_key(term): rivals for term, rivals in begun}
     for turn in range(MOST_TERMS):
-        problem, current = here.problem, here.problem.at_hand(here.solved)
+        base = _sober(build, here)
+        problem, current = base.problem, base.problem.at_hand(base.solved)
         score = float(held_out(current, partitions).sum())
         least = max(SIGNIFICANT, material_cost(_residual_count(problem), score))
         report(0.2 + 0.1 * turn, f"looking for what is missing (residual {_rms(current):.3f} of the noise)")
@@ -124,7 +123,7 @@ def select(
             if trials and trials[0].gain >= least:
                 break
         rounds.append(tuple((t.term.name, t.gain) for t in trials))
-        entered = _first_to_hold(build, here, [t for t in trials if t.gain >= least])
+        entered = _first_to_hold(build, base, [t for t in trials if t.gain >= least])
         if entered is None:
             break
         trial, here = entered
@@ -140,6 +139,19 @@ def select(
         problem = there.problem
         chosen, current = _backward(problem, there.solved, len(fixed), partitions, stand)
     return Selection(before, current, chosen, problem, tuple(rounds))
+
+
+def _sober(build: Problem, here: Standing) -> Standing:
+    """Where to look for what is missing: with the moduli's ratio at nominal, where the fit has driven it to its bound.
+
+    A ratio that makes up for a missing effect hides it, and doesn't come back once the effect is there.
+    """
+    solved = here.solved
+    if abs(solved.calibration.log_ratio) < RUN_AWAY * WIDEST_RATIO:
+        return here
+    nominal = replace(solved.calibration, log_ratio=0.0)
+    problem = build(here.problem.solve(solved.terms, nominal, ratio_free=False))
+    return standing(problem, problem.solve(solved.terms, nominal, ratio_free=False))
 
 
 def _begun(build: Problem, plain: Standing, terms: Sequence[Term]) -> Standing | None:
@@ -296,19 +308,13 @@ def _try(
 
 
 def _beside(problem: VoltageProblem, current: Solved, term: Term, leftover: bool) -> Solved:
-    """The fit with one more term. A start to first order may lie where no descent comes back from: then from nearer.
-
-    Where the calibration has gone to its bound to make up for what was missing it doesn't come back by itself either.
-    """
+    """The fit with one more term. A start to first order may lie where no descent comes back from: then from nearer."""
     fits: list[Solved] = []
     for share in SHARES:
         terms = [*current.terms, term.nearer(share)]
         fits.append(problem.solve(terms, current.calibration, steps=4, leftover=leftover))
         if fits[-1].cost <= current.cost:
             break
-    if abs(current.calibration.log_ratio) > RUN_AWAY * WIDEST_RATIO:
-        nominal = replace(current.calibration, log_ratio=0.0)
-        fits.append(problem.solve([*current.terms, term], nominal, steps=AGAIN, leftover=leftover))
     return min(fits, key=lambda fit: fit.cost)
 
 

@@ -6,6 +6,7 @@ from rich.console import Console
 from rich.table import Table
 
 from ertskin.diagnosis.claims import Diagnosis, gathered
+from ertskin.diagnosis.repeatability import Repeatability
 
 
 def print_summary(console: Console, diagnosis: Diagnosis) -> None:
@@ -21,6 +22,8 @@ def print_summary(console: Console, diagnosis: Diagnosis) -> None:
         console.print(
             f"force: {held.force_before_n:.3g} N off before, {held.force_after_n:.3g} N after", highlight=False
         )
+    if diagnosis.presses_differ is not None:
+        console.print(in_words(diagnosis.presses_differ), highlight=False)
     if not diagnosis.claims:
         return
     table = Table("effect", "confidence", "ratio without it", "parameters (90 %)")
@@ -30,6 +33,14 @@ def print_summary(console: Console, diagnosis: Diagnosis) -> None:
         )
         table.add_row(name, f"{claim.confidence:.2f}", f"{claim.ratio_alone:.3g}", words)
     console.print(table)
+
+
+def in_words(presses: Repeatability) -> str:
+    """What presses that differ mean."""
+    return (
+        f"presses don't repeat: most of what is left is as if each landed {1e3 * presses.landing_m:.2g} mm off along"
+        f" either axis and pressed {presses.strength:.0%} harder or softer (rms), which would leave {presses.ratio:.3f}"
+    )
 
 
 def print_retrained(console: Console, retrained: dict[str, dict[str, dict[str, float]]]) -> None:

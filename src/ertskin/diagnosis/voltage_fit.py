@@ -142,12 +142,25 @@ class VoltageProblem:
 
     # fitting -------------------------------------------------------------------------------------------------------
 
-    def solve(self, terms: Sequence[Term], start: Calibration, *, steps: int = 15, leftover: bool = False) -> Solved:
-        """Best calibration and effects; ``leftover`` counts the non-reciprocal part even without a term in it."""
+    def solve(
+        self,
+        terms: Sequence[Term],
+        start: Calibration,
+        *,
+        steps: int = 15,
+        leftover: bool = False,
+        ratio_free: bool = True,
+    ) -> Solved:
+        """Best calibration and effects; ``leftover`` counts the non-reciprocal part even without a term in it.
+
+        Without ``ratio_free`` the moduli's ratio stays as it is.
+        """
         self._always_leftover = leftover
         layout = _Layout(tuple(terms), len(start.vector()))
         begin = np.concatenate([start.vector(), *[[getattr(t.effect, k) for k in t.free] for t in terms]])
         low, high = layout.bounds(begin)
+        if not ratio_free:
+            low[layout.ratio] = high[layout.ratio] = start.log_ratio
         mean, precision = layout.prior(len(start.contact_ohm))
         fit = descend(
             lambda x: self._linearise(layout, x),
@@ -276,6 +289,11 @@ class _Layout:
     terms: tuple[Term, ...]
     calibration: int
 
+    @property
+    def ratio(self) -> int:
+        """Which number is the logarithm of the moduli's ratio."""
+        return self.calibration - SHAPE - 1
+
     def split(self, x: Array) -> tuple[Calibration, tuple[Effect, ...]]:
         effects, k = [], self.calibration
         for term in self.terms:
@@ -306,10 +324,9 @@ class _Layout:
 
     def bounds(self, x: Array) -> tuple[Array, Array]:
         low, high = np.full(len(x), -np.inf), np.full(len(x), np.inf)
-        low[: self.calibration - SHAPE - 1] = np.log(LEAST_OHM)
-        high[: self.calibration - SHAPE - 1] = np.log(MOST_OHM)
-        ratio = self.calibration - SHAPE - 1
-        low[ratio], high[ratio] = -WIDEST_RATIO, WIDEST_RATIO
+        low[: self.ratio] = np.log(LEAST_OHM)
+        high[: self.ratio] = np.log(MOST_OHM)
+        low[self.ratio], high[self.ratio] = -WIDEST_RATIO, WIDEST_RATIO
         for k in range(self.calibration, len(x)):
             term, key = self._free(k)
             known = term.effect.parameters()[key]

@@ -1,0 +1,108 @@
+"""Presses that don't repeat: what is left, read as each landing beside its place and pressing harder or softer."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from physics.effects.indenter_offset import IndenterOffset
+from physics.history import History
+from physics.skin import Skin
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+FRAMES = 4
+"""Frames looked at of every press, those of its largest forces."""
+STEP_M, STEP = 1e-4, 0.01
+"""Shift and relative change of force at which derivatives are taken."""
+MATERIAL = 1.05
+"""Misfit over noise from which anything is left to explain."""
+MOSTLY = 0.5
+"""Part of the excess misfit, and of the scatter between places, from which presses are said to differ."""
+
+
+@dataclass(frozen=True)
+class Repeatability:
+    """Scatter of the presses, rms: ``landing_m`` along either axis, ``strength`` relative.
+
+    ``ratio`` is the misfit over noise with each press its own landing and strength, ``without`` the same without;
+    ``between_repeats`` the scatter among presses of one place over that among all, as a part of the variance, NaN where
+    no place was pressed twice.
+    """
+
+    landing_m: float
+    strength: float
+    ratio: float
+    without: float
+    between_repeats: float
+
+    @property
+    def matters(self) -> bool:
+        """Whether presses differ, and not places, by most of what is left."""
+        explained = self.ratio**2 - 1 < MOSTLY * (self.without**2 - 1)
+        return self.without > MATERIAL and explained and not self.between_repeats < MOSTLY
+
+    def plain(self) -> dict[str, float]:
+        """For ``diagnosis.json``."""
+        return {"landing_rms_m": self.landing_m, "strength_rms": self.strength, "ratio_with_presses_free": self.ratio}
+
+
+def heaviest_frames(history: History, usable: NDArray[np.bool_]) -> Indices:
+    """(n,) frames of largest force of every press, in recording order."""
+    force = np.nan_to_num(history.force_n).sum(axis=1)
+    touched = history.touched.any(axis=1) & usable
+    found = [np.flatnonzero(touched & (history.press == press)) for press in np.unique(history.press[touched])]
+    return np.sort(np.concatenate([rows[np.argsort(-force[rows], kind="stable")[:FRAMES]] for rows in found]))
+
+
+def repeatability(
+    residual: Callable[[Skin, Array], Array], skin: Skin, history: History, force_n: Array, rows: Indices
+) -> Repeatability:
+    """How presses scatter by the residuals (n,P), in units of the noise, of the frames ``rows`` (n,), to first order.
+
+    ``residual`` of a skin under forces (T,C) in newton.
+    """
+    base = residual(skin, force_n)
+    moved = [residual(shifted, force_n) for shifted in (_shifted(skin, key) for key in ("dx_m", "dy_m"))]
+    harder = residual(skin, (1 + STEP) * force_n)
+    columns = np.stack([(base - m) / STEP_M for m in moved] + [(base - harder) / STEP], axis=-1)
+    press = history.press[rows]
+    value, variance, left = [], [], 0.0
+    for number in np.unique(press):
+        mine = press == number
+        design, wrong = columns[mine].reshape(-1, 3), base[mine].ravel()
+        inverse = np.linalg.pinv(design.T @ design)
+        value.append(inverse @ (design.T @ wrong))
+        variance.append(np.diag(inverse))
+        left += float(((wrong - design @ value[-1]) ** 2).sum())
+    found, error = np.array(value), np.array(variance)
+    size = np.sqrt(np.maximum((found**2 - error).mean(axis=0), 0.0))
+    first = rows[np.unique(press, return_index=True)[1]]
+    return Repeatability(
+        landing_m=float(np.sqrt((size[:2] ** 2).mean())),
+        strength=float(size[2]),
+        ratio=float(np.sqrt(left / base.size)),
+        without=float(np.sqrt((base**2).mean())),
+        between_repeats=_between_repeats(found / np.sqrt(error), history.contact_m[first, 0]),
+    )
+
+
+def _shifted(skin: Skin, key: str) -> Skin:
+    others = [e for e in skin.effects if not isinstance(e, IndenterOffset)]
+    offset = next((e for e in skin.effects if isinstance(e, IndenterOffset)), IndenterOffset())
+    return replace(skin, effects=(*others, offset.changed({key: getattr(offset, key) + STEP_M})))
+
+
+def _between_repeats(value: Array, place_m: Array) -> float:
+    """Variance of the numbers (n,3), in standard errors, within places over their mean square."""
+    place = np.unique(np.round(place_m, 4), axis=0, return_inverse=True)[1].ravel()
+    within, freedom = 0.0, 0
+    for number in np.unique(place):
+        same = value[place == number]
+        within += float(((same - same.mean(axis=0)) ** 2).sum())
+        freedom += same.size - same.shape[1]
+    return within / freedom / max(float((value**2).mean()), 1e-300) if freedom else float("nan")
