@@ -275,7 +275,8 @@ def _answer(
         axis_tests(after, history, evidence.protocol),
     )
     instrument = any(c.effect.stage == "acquisition" for c in claims)
-    mismatch = bool(force_claims) or force_off or instrument or left > MATERIAL_RATIO
+    jitters = baseline.noise.jittering >= 0 and not claims
+    mismatch = bool(force_claims) or force_off or instrument or left > MATERIAL_RATIO or jitters
     surely = 1 + DOUBT * baseline.noise.error
     broad = ratio_before if claims else _broad_ratio(before, history.press) / surely
     verdict = verdict_of(broad, ratio_after, bool(claims), mismatch)
@@ -299,10 +300,12 @@ def _answer(
     )
     if left > MATERIAL_RATIO:
         electrodes = tuple(dict.fromkeys((*electrodes, *leftover_channels(evidence))))
+    if jitters:
+        stage, electrodes = str(Stage.ELECTRODES), (baseline.noise.jittering,)
     axes = list(dict.fromkeys(a for c in claims for a in AXES_OF.get(c.effect.name, ())))
     remaining = depends_on(tests_after) if ratio_after > MATERIAL_RATIO else []
     if verdict == "unexplained":
-        axes = depends_on(tests_before)
+        axes = ["electrode", "time"] if jitters else depends_on(tests_before)
     diagnosis = Diagnosis(
         name,
         verdict,

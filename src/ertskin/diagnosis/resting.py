@@ -30,6 +30,8 @@ LEFT, ALONE = 0.2, 0.3
 COLOURED = 0.05
 """Excess of the rest frames' scatter over the readings' noise that is taken for coloured noise."""
 
+JITTER, ALONG = 1.03, 0.8
+"""Misfit over noise that a jittering contact must make, and the cosine between what is seen and what it would do."""
 SURELY = 5.0
 """Standard deviations of chance above which places are taken not to have recovered."""
 CHANCES, RARELY = 400, 0.01
@@ -167,11 +169,15 @@ def _shares(change: Array, columns: Array, traces: Array) -> tuple[Array, Array]
 @dataclass(frozen=True, eq=False)
 class Noise:
     """``rms_v`` of a whitened scan's numbers, its standard error over itself, nought where thousands of readings tell
-    it, and ``stray`` (P,k), the directions in which rest frames scatter more than that."""
+    it, and ``stray`` (P,k), the directions in which rest frames scatter more than that.
+
+    ``jittering`` electrode whose contact alone makes white noise scatter materially more; -1 if there is none.
+    """
 
     rms_v: float
     error: float
     stray: Array
+    jittering: int = -1
 
 
 def _scatter(scans: Array, columns: Array, reading_v: float) -> Noise:
@@ -196,7 +202,17 @@ def _scatter(scans: Array, columns: Array, reading_v: float) -> Noise:
     error = 0.5 * 1.25 * float(squares.std()) / outside / np.sqrt(len(jump) / 2) if coloured else 0.0
     size, axes = np.linalg.eigh(inside.T @ inside / len(jump) / noise_v**2)
     more = size > _largest_by_chance(count, len(size))
-    return Noise(noise_v, error, space @ axes[:, more] * np.sqrt(size[more] - 1))
+    stray = space @ axes[:, more] * np.sqrt(size[more] - 1)
+    return Noise(noise_v, error, stray, -1 if coloured else _jittering(stray, columns[:, :-1]))
+
+
+def _jittering(stray: Array, contacts: Array) -> int:
+    """The contact, by its column among (P,L), along which the largest of the ``stray`` lies, if that is material."""
+    if not stray.shape[1] or (stray**2).sum() < (JITTER**2 - 1) * len(stray):
+        return -1
+    largest = stray[:, -1] / np.linalg.norm(stray[:, -1])
+    along = np.abs(largest @ contacts) / np.linalg.norm(contacts, axis=0)
+    return int(along.argmax()) if along.max() > ALONG else -1
 
 
 @cache

@@ -79,6 +79,18 @@ def test_white_noise_strays_in_no_direction() -> None:
     assert _largest_by_chance(200, 9) < _largest_by_chance(20, 9)
 
 
+def test_a_contact_that_jitters_is_named_and_noise_is_not() -> None:
+    rng = np.random.default_rng(5)
+    columns, _ = columns_and_traces(rng)
+    white = [_scatter(rng.standard_normal((FRAMES, NUMBERS)), columns, 1.0).jittering for _ in range(100)]
+    assert max(white) == -1
+    unit = columns[:, 2] / np.linalg.norm(columns[:, 2])
+    jitter = rng.standard_normal((FRAMES, NUMBERS)) + np.outer(8 * rng.standard_normal(FRAMES), unit)
+    assert _scatter(jitter, columns, 1.0).jittering == 2
+    # Coloured noise strays along contacts too.
+    assert _scatter(1.5 * jitter, columns, 1.0).jittering == -1
+
+
 def test_coloured_noise_is_known_as_well_as_it_says():
     rng = np.random.default_rng(2)
     columns = rng.standard_normal((NUMBERS, 5))
