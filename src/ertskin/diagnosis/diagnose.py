@@ -29,7 +29,7 @@ from ertskin.diagnosis.evidence import CannotTell, Evidence, gather
 from ertskin.diagnosis.force_fit import STARTS, ForceData, ForceFit, fit_force, free_parameters
 from ertskin.diagnosis.linear_skin import LinearSkin
 from ertskin.diagnosis.remainder import remainder
-from ertskin.diagnosis.repeatability import heaviest_frames, repeatability
+from ertskin.diagnosis.repeatability import repeatability
 from ertskin.diagnosis.residuals import AxisTest, axis_tests, depends_on
 from ertskin.diagnosis.selection import Chosen, Selection, select
 from ertskin.diagnosis.skin_family import SHAPE, Calibration, SkinFamily
@@ -140,29 +140,29 @@ def _diagnose(recording: Recording, name: str, report: Report, resolution: str, 
     if selection.chosen:
         selection, after = _unspoilt(evidence, baseline, selection, family, held, after)
     findings = _answer(name, evidence, baseline, selection, held, before, after)
+    fitted_skin = family.skin(selection.after.calibration, selection.after.effects)
     if (findings.diagnosis.unexplained_ratio or 0.0) > MATERIAL_RATIO:
         report(0.9, "predicting what no name explains")
         nameless = remainder(train.history, selection.after.scan_residual, evidence.history[held])
         ratio = _ratio(after - nameless)
         findings = replace(findings, diagnosis=replace(findings.diagnosis, remainder_ratio=ratio))
-        findings = _with_presses_that_differ(findings, family, usable)
+        findings = _with_presses_that_differ(findings, selection, fitted_skin)
     report(0.92, "looking for the press that would settle what is in doubt")
-    fitted_skin = family.skin(selection.after.calibration, selection.after.effects)
     press = settling_press(evidence, fitted_skin, baseline.force_noise.rms_n, findings.diagnosis.claims)
     return replace(findings, diagnosis=replace(findings.diagnosis, next_press=press))
 
 
-def _with_presses_that_differ(findings: Findings, family: SkinFamily, usable: NDArray[np.bool_]) -> Findings:
-    """The findings with how presses scatter, where that is most of what is left."""
-    evidence, baseline, selection = findings.evidence, findings.baseline, findings.selection
-    assert evidence is not None
-    assert baseline is not None
-    assert selection is not None
-    rows = heaviest_frames(evidence.history, usable)
-    skin = family.remeshed(selection.after.calibration, selection.after.effects)
-    found = repeatability(
-        lambda s, force_n: _residual(evidence, s, force_n, rows), skin, evidence.history, baseline.force_n, rows
-    )
+def _with_presses_that_differ(findings: Findings, selection: Selection, skin: Skin) -> Findings:
+    """The findings with how the presses fitted scatter, where that is most of what is left."""
+    problem, residual = selection.problem, selection.after.scan_residual
+    evidence, history = problem.evidence, problem.evidence.history
+    rows = np.flatnonzero(history.touched.any(axis=1) & residual.any(axis=1))
+
+    def scans(other: Skin, force_n: Array) -> Array:
+        return evidence.frames(rows).discounted(problem.linear.scans(other, force_n)[rows] / evidence.noise_v)
+
+    place_m = history.contact_m[rows, 0]
+    found = repeatability(residual[rows], scans, skin, problem.linear.force_n, history.press[rows], place_m)
     if not found.matters:
         return findings
     depends_on = (*findings.diagnosis.unexplained_depends_on, "press")

@@ -9,14 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from physics.effects.indenter_offset import IndenterOffset
-from physics.history import History
 from physics.skin import Skin
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
-FRAMES = 4
-"""Frames looked at of every press, those of its largest forces."""
 STEP_M, STEP = 1e-4, 0.01
 """Shift and relative change of force at which derivatives are taken."""
 MATERIAL = 1.05
@@ -51,43 +48,35 @@ class Repeatability:
         return {"landing_rms_m": self.landing_m, "strength_rms": self.strength, "ratio_with_presses_free": self.ratio}
 
 
-def heaviest_frames(history: History, usable: NDArray[np.bool_]) -> Indices:
-    """(n,) frames of largest force of every press, in recording order."""
-    force = np.nan_to_num(history.force_n).sum(axis=1)
-    touched = history.touched.any(axis=1) & usable
-    found = [np.flatnonzero(touched & (history.press == press)) for press in np.unique(history.press[touched])]
-    return np.sort(np.concatenate([rows[np.argsort(-force[rows], kind="stable")[:FRAMES]] for rows in found]))
-
-
 def repeatability(
-    residual: Callable[[Skin, Array], Array], skin: Skin, history: History, force_n: Array, rows: Indices
+    residual: Array, scans: Callable[[Skin, Array], Array], skin: Skin, force_n: Array, press: Indices, place_m: Array
 ) -> Repeatability:
-    """How presses scatter by the residuals (n,P), in units of the noise, of the frames ``rows`` (n,), to first order.
+    """How presses scatter by the residual (n,P) of pressed frames, to first order.
 
-    ``residual`` of a skin under forces (T,C) in newton.
+    ``scans`` (n,P) of a skin under forces (T,C) in newton, both in units of the noise; ``press`` (n,) and ``place_m``
+    (n,2) say which press a frame belongs to and where that was meant to be.
     """
-    base = residual(skin, force_n)
-    moved = [residual(shifted, force_n) for shifted in (_shifted(skin, key) for key in ("dx_m", "dy_m"))]
-    harder = residual(skin, (1 + STEP) * force_n)
-    columns = np.stack([(base - m) / STEP_M for m in moved] + [(base - harder) / STEP], axis=-1)
-    press = history.press[rows]
+    here = scans(skin, force_n)
+    moved = [(scans(_shifted(skin, key), force_n) - here) / STEP_M for key in ("dx_m", "dy_m")]
+    harder = (scans(skin, (1 + STEP) * force_n) - here) / STEP
+    columns = np.stack([*moved, harder], axis=-1)
+    numbers, first = np.unique(press, return_index=True)
     value, variance, left = [], [], 0.0
-    for number in np.unique(press):
+    for number in numbers:
         mine = press == number
-        design, wrong = columns[mine].reshape(-1, 3), base[mine].ravel()
+        design, wrong = columns[mine].reshape(-1, 3), residual[mine].ravel()
         inverse = np.linalg.pinv(design.T @ design)
         value.append(inverse @ (design.T @ wrong))
         variance.append(np.diag(inverse))
         left += float(((wrong - design @ value[-1]) ** 2).sum())
     found, error = np.array(value), np.array(variance)
     size = np.sqrt(np.maximum((found**2 - error).mean(axis=0), 0.0))
-    first = rows[np.unique(press, return_index=True)[1]]
     return Repeatability(
         landing_m=float(np.sqrt((size[:2] ** 2).mean())),
         strength=float(size[2]),
-        ratio=float(np.sqrt(left / base.size)),
-        without=float(np.sqrt((base**2).mean())),
-        between_repeats=_between_repeats(found / np.sqrt(error), history.contact_m[first, 0]),
+        ratio=float(np.sqrt(left / residual.size)),
+        without=float(np.sqrt((residual**2).mean())),
+        between_repeats=_between_repeats(found / np.sqrt(error), place_m[first]),
     )
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from small_skin import SMALL, small_law, small_sensor
 
-from ertskin.diagnosis.repeatability import heaviest_frames, repeatability
+from ertskin.diagnosis.repeatability import repeatability
 from physics.history import History, Phase
 from physics.protocol import Protocol, electrode_pairs
 from physics.skin import Skin
@@ -39,15 +39,17 @@ def found(skin: Skin, landing_m: np.ndarray, strength: np.ndarray):  # type: ign
     """What is said of presses that landed ``landing_m`` (N,2) off and pressed ``strength`` (N,) times as hard."""
     place, force = np.tile(PLACES, (VISITS, 1)), np.full(len(PLACES) * VISITS, 3.0)
     told, real = presses(place, force), presses(place + landing_m, force * strength)
-    rows = heaviest_frames(told, np.ones(len(told), dtype=bool))
+    rows = np.flatnonzero(told.touched.any(axis=1))
+
+    def scans(other: Skin, force_n: np.ndarray) -> np.ndarray:
+        readings = other.readings_v(told, force_n, rows)
+        return readings.reshape(len(rows), -1) @ skin.protocol.orthonormal / NOISE_V
+
     seen = skin.readings_v(real, np.nan_to_num(real.force_n), rows)
     seen = seen + NOISE_V * np.random.default_rng(0).standard_normal(seen.shape)
-
-    def residual(other: Skin, force_n: np.ndarray) -> np.ndarray:
-        wrong = seen - other.readings_v(told, force_n, rows)
-        return wrong.reshape(len(rows), -1) @ skin.protocol.orthonormal / NOISE_V
-
-    return repeatability(residual, skin, told, np.nan_to_num(told.force_n), rows)
+    force_n = np.nan_to_num(told.force_n)
+    residual = seen.reshape(len(rows), -1) @ skin.protocol.orthonormal / NOISE_V - scans(skin, force_n)
+    return repeatability(residual, scans, skin, force_n, told.press[rows], told.contact_m[rows, 0])
 
 
 def test_presses_that_scatter_are_found_with_how_much(skin: Skin) -> None:
