@@ -39,9 +39,9 @@ class Repeatability:
 
     @property
     def matters(self) -> bool:
-        """Whether presses differ, and not places, by most of what is left."""
+        """Whether presses differ, and not places, by most of what is left: places pressed twice must show it."""
         explained = self.ratio**2 - 1 < MOSTLY * (self.without**2 - 1)
-        return self.without > MATERIAL and explained and not self.between_repeats < MOSTLY
+        return self.without > MATERIAL and explained and self.between_repeats > MOSTLY
 
     def plain(self) -> dict[str, float]:
         """For ``diagnosis.json``."""
