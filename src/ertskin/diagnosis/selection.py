@@ -103,7 +103,7 @@ def select(
         here = settled(build, here.solved)
     before = here.solved
     if begun:
-        there = _begun(build, _sober(build, here), [*fixed, *(term for term, _ in begun)])
+        there = _begun(build, here, [*fixed, *(term for term, _ in begun)])
         if there is not None:
             here, fixed = _without_drifts(build, there, fixed)
         # A form is freed about the fit itself: further off it would mend what linearising leaves.
@@ -111,8 +111,7 @@ def select(
     rounds: list[tuple[tuple[str, float], ...]] = []
     stand: dict[str, Rivals] = {_key(term): rivals for term, rivals in begun}
     for turn in range(MOST_TERMS):
-        base = _sober(build, here)
-        problem, current = base.problem, base.problem.at_hand(base.solved)
+        problem, current = here.problem, here.problem.at_hand(here.solved)
         score = float(held_out(current, partitions).sum())
         least = max(SIGNIFICANT, material_cost(_residual_count(problem), score))
         report(0.2 + 0.1 * turn, f"looking for what is missing (residual {_rms(current):.3f} of the noise)")
@@ -123,13 +122,13 @@ def select(
             if trials and trials[0].gain >= least:
                 break
         rounds.append(tuple((t.term.name, t.gain) for t in trials))
-        entered = _first_to_hold(build, base, [t for t in trials if t.gain >= least])
+        entered = _first_to_hold(build, here, [t for t in trials if t.gain >= least])
         if entered is None:
             break
         trial, here = entered
         others = [t for t in trials if t.term.name != trial.term.name and t.gain <= trial.gain]
         stand[_key(trial.term)] = tuple(Rival(t.term.effect, trial.gain - t.gain) for t in others)
-        here = _refined(build, here, partitions)
+        here = _refined(build, _reconsidered(build, here), partitions)
         report(0.25 + 0.1 * turn, f"{trial.term.name} enters")
     chosen, current = _backward(here.problem, here.solved, len(fixed), partitions, stand)
     problem = here.problem
@@ -141,17 +140,19 @@ def select(
     return Selection(before, current, chosen, problem, tuple(rounds))
 
 
-def _sober(build: Problem, here: Standing) -> Standing:
-    """Where to look for what is missing: with the moduli's ratio at nominal, where the fit has driven it to its bound.
+def _reconsidered(build: Problem, here: Standing) -> Standing:
+    """The fit begun again from the nominal ratio of moduli, where that fits better than the ratio at its bound.
 
-    A ratio that makes up for a missing effect hides it, and doesn't come back once the effect is there.
+    A ratio that made up for a missing effect doesn't come back by itself once the effect is there.
     """
     solved = here.solved
     if abs(solved.calibration.log_ratio) < RUN_AWAY * WIDEST_RATIO:
         return here
-    nominal = replace(solved.calibration, log_ratio=0.0)
-    problem = build(here.problem.solve(solved.terms, nominal, ratio_free=False))
-    return standing(problem, problem.solve(solved.terms, nominal, ratio_free=False))
+    again = here.problem.solve(solved.terms, replace(solved.calibration, log_ratio=0.0))
+    if again.cost >= solved.cost:
+        return here
+    there = _where_it_settles(build, here.problem, again)
+    return here if there is None or there.spoils(here) else there
 
 
 def _begun(build: Problem, plain: Standing, terms: Sequence[Term]) -> Standing | None:

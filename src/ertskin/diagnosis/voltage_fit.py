@@ -142,25 +142,12 @@ class VoltageProblem:
 
     # fitting -------------------------------------------------------------------------------------------------------
 
-    def solve(
-        self,
-        terms: Sequence[Term],
-        start: Calibration,
-        *,
-        steps: int = 15,
-        leftover: bool = False,
-        ratio_free: bool = True,
-    ) -> Solved:
-        """Best calibration and effects; ``leftover`` counts the non-reciprocal part even without a term in it.
-
-        Without ``ratio_free`` the moduli's ratio stays as it is.
-        """
+    def solve(self, terms: Sequence[Term], start: Calibration, *, steps: int = 15, leftover: bool = False) -> Solved:
+        """Best calibration and effects; ``leftover`` counts the non-reciprocal part even without a term in it."""
         self._always_leftover = leftover
         layout = _Layout(tuple(terms), len(start.vector()))
         begin = np.concatenate([start.vector(), *[[getattr(t.effect, k) for k in t.free] for t in terms]])
         low, high = layout.bounds(begin)
-        if not ratio_free:
-            low[layout.ratio] = high[layout.ratio] = start.log_ratio
         mean, precision = layout.prior(len(start.contact_ohm))
         fit = descend(
             lambda x: self._linearise(layout, x),
