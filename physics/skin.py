@@ -220,14 +220,26 @@ class Skin:
         points = np.flatnonzero(near)
         if not len(points):
             return points, np.zeros((len(rows), 0, 3) if self._tensor else (len(rows), 0))
-        close = np.zeros(len(time_s), dtype=bool)
-        for spot in spots:
-            apart = np.nan_to_num(np.hypot(*np.moveaxis(contact_m - spot, -1, 0)), nan=np.inf)
-            close |= (apart < 2 * reach).any(axis=1)
-        frames = np.flatnonzero(close | self._in_air(contact_m, force_n))
+        frames = self._remembered(contact_m, force_n, rows, spots, reach)
         pressure = self.pressure_pa(position[points], contact_m[frames], force_n[frames])
         fabric = self.fabric_ohm_sq(pressure, position[points], time_s[frames], np.searchsorted(frames, rows))
         return points, self.sheet_conductance_s(fabric, position[points])
+
+    def _remembered(
+        self, contact_m: Array, force_n: Array, rows: NDArray[np.intp], spots: Array, reach_m: float
+    ) -> NDArray[np.intp]:
+        """(n,) frames that what the ``spots`` do in the frames ``rows`` may depend on, those among them.
+
+        All that pressed near and all in air; where air clears every memory only those since it last did.
+        """
+        in_air = self._in_air(contact_m, force_n)
+        if not self.remembers_air:
+            return frames_since(in_air, rows)
+        close = np.zeros(len(contact_m), dtype=bool)
+        for spot in spots:
+            apart = np.nan_to_num(np.hypot(*np.moveaxis(contact_m - spot, -1, 0)), nan=np.inf)
+            close |= (apart < 2 * reach_m).any(axis=1)
+        return np.flatnonzero(close | in_air)
 
     @property
     def remembers_air(self) -> bool:
@@ -321,6 +333,15 @@ class Skin:
             readings = self.protocol.readings(self.pair_resistance_ohm(history, still * scale, wanted))
             voltage += weights[:, s, None] * readings
         return voltage
+
+
+def frames_since(event: NDArray[np.bool_], rows: NDArray[np.intp]) -> NDArray[np.intp]:
+    """(n,) frames from the last ``event`` (T,), that one included, to each of the ``rows``, those too."""
+    last = np.maximum.accumulate(np.where(event, np.arange(len(event)), 0))[rows]
+    change = np.zeros(len(event) + 1, dtype=np.intp)
+    np.add.at(change, last, 1)
+    np.add.at(change, rows + 1, -1)
+    return np.flatnonzero(np.cumsum(change)[:-1] > 0)
 
 
 def lagrange_weights(nodes: Array, where: Array) -> Array:

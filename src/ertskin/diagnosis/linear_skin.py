@@ -25,7 +25,7 @@ from physics.effects.sheet_inhomogeneity import SheetInhomogeneity
 from physics.history import History
 from physics.protocol import Protocol
 from physics.sensor import Sensor
-from physics.skin import SKEW_NODES, TAIL, Skin, lagrange_weights
+from physics.skin import SKEW_NODES, TAIL, Skin, frames_since, lagrange_weights
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -188,7 +188,7 @@ class LinearSkin:
         hats = Hats(low, high, GRID_M)
         inside = np.flatnonzero(_within(hats.node_m, spots, reach + 2 * GRID_M))
         visits = _memory_frames(self._contact, self.force_n, spots, reach)
-        since = _since_air(np.asarray(~present.any(axis=1)), frames)
+        since = frames_since(np.asarray(~present.any(axis=1)), frames)
         past, since_air = (Past(known, np.searchsorted(known, frames)) for known in (visits, since))
         nobody, unknown = np.zeros(len(rows), dtype=np.intp), np.zeros((len(inside), 0), dtype=np.float32)
         patch = Patch(rows, past, since_air, hats, inside, [], nobody, unknown)
@@ -500,15 +500,6 @@ def _memory_frames(contact_m: Array, force_n: Array, spots: Array, reach_m: floa
         apart = np.nan_to_num(np.hypot(*np.moveaxis(contact_m - spot, -1, 0)), nan=np.inf)
         close |= (apart < 2 * reach_m).any(axis=1)
     return np.flatnonzero(close)
-
-
-def _since_air(in_air: NDArray[np.bool_], rows: Indices) -> Indices:
-    """Frames from the last one in air, that one included, to each of the rows."""
-    last = np.maximum.accumulate(np.where(in_air, np.arange(len(in_air)), 0))[rows]
-    change = np.zeros(len(in_air) + 1, dtype=np.intp)
-    np.add.at(change, last, 1)
-    np.add.at(change, rows + 1, -1)
-    return np.flatnonzero(np.cumsum(change)[:-1] > 0)
 
 
 def _alike(relative: Array, contacts: Array, usual: Array) -> tuple[Indices, list[int]]:

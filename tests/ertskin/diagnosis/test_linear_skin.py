@@ -13,7 +13,9 @@ from ertskin.diagnosis.linear_skin import LinearSkin
 from ertskin.diagnosis.voltage_fit import VoltageProblem
 from physics.effects.contact_drift import ContactDrift
 from physics.effects.contact_pressure_dependence import ContactPressureDependence
+from physics.effects.effect import PiezoEffect
 from physics.effects.piezo_creep import PiezoCreep
+from physics.effects.piezo_hysteresis import PiezoHysteresis
 from physics.effects.temperature_drift import TemperatureDrift
 from physics.history import History, Phase
 from physics.protocol import Protocol, electrode_pairs
@@ -76,6 +78,22 @@ def test_places_that_creep_show_until_they_have_recovered(skin: Skin, history: H
     assert np.abs(left).max() > 0.02 * signal
     seen = linear.scans(strong)[-1] - linear.scans(forgetful)[-1]
     np.testing.assert_allclose(seen, left, atol=0.05 * np.abs(left).max())
+
+
+@pytest.mark.parametrize(
+    "effect",
+    [PiezoHysteresis(width=0.1, spread=0.5), PiezoCreep(fraction=0.2), PiezoCreep(fraction=0.2, remembers_air=True)],
+)
+def test_frames_that_are_left_out_of_the_past_would_change_nothing(
+    skin: Skin, history: History, linear: LinearSkin, effect: PiezoEffect
+) -> None:
+    remembering = skin.with_effects([effect])
+    contact, rows = remembering.contact_m(history.contact_m), np.array([5, 6, 7])
+    points, found = remembering.pressed_conductance_s(history.time_s, contact, linear.force_n, rows)
+    position = skin.sheet.quadrature_m.reshape(-1, 2)[points]
+    pressure = remembering.pressure_pa(position, contact, linear.force_n)
+    fabric = remembering.fabric_ohm_sq(pressure, position, history.time_s, rows)
+    np.testing.assert_allclose(found, remembering.sheet_conductance_s(fabric, position), rtol=1e-9)
 
 
 def test_contact_derivatives_are_those_of_where_the_fit_is(skin: Skin, linear: LinearSkin) -> None:
