@@ -4,19 +4,14 @@ import pickle
 
 import numpy as np
 import pytest
+from small_skin import SMALL, small_law, small_sensor
 
 from ertskin.data.forward import PressForward
-from physics.conduction.mesh import Grading
-from physics.conduction.sheet import Resolution
 from physics.effects.registry import build_effects
 from physics.history import History
-from physics.piezo.polynomial import PiezoPolynomial
 from physics.protocol import Protocol, electrode_pairs
-from physics.sensor import Layer, Sensor, rectangle_m
 from physics.skin import Skin
 
-COARSE = Resolution(2, Grading(cell_m=6e-3, rim_m=2e-3, growth=2.0))
-CENTERS = np.array([[0.006, 0.006], [0.054, 0.006], [0.054, 0.054], [0.006, 0.054], [0.03, 0.006], [0.03, 0.054]])
 PRESSES_M = np.array(
     [[[0.02, 0.03], [np.nan, np.nan]], [[0.02, 0.03], [0.042, 0.015]], [[0.033, 0.041], [0.011, 0.01]]]
 )
@@ -24,19 +19,9 @@ FORCES_N = np.array([[3.0, np.nan], [4.0, 1.5], [0.5, 8.0]])
 
 
 def skin(effects=None):
-    stress = np.linspace(0, 6e4, 40)
-    sensor = Sensor(
-        outline_m=rectangle_m((0.06, 0.06)),
-        sheet_resistance_ohm_sq=18_000.0,
-        electrode_center_m=CENTERS,
-        electrode_size_m=np.full((6, 2), 4e-3),
-        layers=(Layer("foam", 4e-3, 3e4, 0.3), Layer("fabric", 4e-4, 3e5, 0.4), Layer("sheet", 4e-4, 3e5, 0.4)),
-        piezo_interface=1,
-        pad_margin_m=0.03,
-    )
-    law = PiezoPolynomial.fit(stress, 4e3 + 1.4e4 * np.exp(-stress / 1e4))
     protocol = Protocol.against_sink(electrode_pairs(6), 6, 1e-4)
-    return Skin.build(sensor, protocol, law, np.full(6, 300.0), effects=build_effects(effects or {}), resolution=COARSE)
+    built = build_effects(effects or {})
+    return Skin.build(small_sensor(), protocol, small_law(), np.full(6, 300.0), effects=built, resolution=SMALL)
 
 
 def lone_presses(times_s):

@@ -77,6 +77,7 @@ def test_places_that_creep_show_until_they_have_recovered(skin: Skin, history: H
     signal = np.abs(whole(strong, linear)[2] - whole(strong, linear)[0]).max()
     assert np.abs(left).max() > 0.02 * signal
     seen = linear.scans(strong)[-1] - linear.scans(forgetful)[-1]
+    # Six times the creep it was linearised about, and to first order about rest.
     np.testing.assert_allclose(seen, left, atol=0.05 * np.abs(left).max())
 
 
