@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from ertskin.diagnosis.claims import Diagnosis, HeldOut
-from ertskin.diagnosis.diagnose import Findings, Selector, diagnose
+from ertskin.diagnosis.diagnose import Selector, diagnose
+from ertskin.diagnosis.findings import Findings
 from ertskin.diagnosis.selection import select
 from hardware.recording import Recording
 

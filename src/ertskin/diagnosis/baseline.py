@@ -98,7 +98,7 @@ def _force_stage(
     data = ForceData(evidence.history, noise_n, stiff, error, foam_m)
     if data.used.sum() < 20:
         return None, None
-    plain, best, _ = select_force_effects(data, evidence.history.press % 3, FORCE_SIGNIFICANT)
+    plain, best = select_force_effects(data, evidence.history.press % 3, FORCE_SIGNIFICANT)
     return plain, best
 
 

@@ -24,8 +24,8 @@ from ertskin.diagnosis.claims import (
 from ertskin.diagnosis.compression import Compression, prepared
 from ertskin.diagnosis.coupon_drawing import coupon_figure
 from ertskin.diagnosis.coupon_fit import CouponModel, elastic_model, fit_coupon, memory, rmse_n
-from ertskin.diagnosis.diagnose import Findings
 from ertskin.diagnosis.drawn import DrawnFindings
+from ertskin.diagnosis.findings import Findings
 from hardware.measurement import Coupon
 from physics.effects.effect import FoamEffect
 from physics.effects.foam_hysteresis import FoamHysteresis

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from ertskin.diagnosis.diagnose import Findings
+from ertskin.diagnosis.findings import Findings
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

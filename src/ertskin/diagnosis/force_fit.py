@@ -119,17 +119,16 @@ def fit_force(
     return ForceFit(pad, support, built, force, whole, tuple(names), found.x, np.linalg.pinv(hessian))
 
 
-def select_force_effects(data: ForceData, folds: NDArray[np.intp], threshold: float, progress=None):  # type: ignore[no-untyped-def]
+def select_force_effects(data: ForceData, folds: NDArray[np.intp], threshold: float) -> tuple[ForceFit, ForceFit]:
     """Forward and backward selection by held-out likelihood over the folds (T,) of frames.
 
-    Returns the chosen fit and, per candidate considered, its held-out gain in half chi-square at each round. A term
-    enters when its held-out gain exceeds ``threshold`` and the residual's rms falls by more than a thousandth.
+    Returns the fits without and with the effects chosen. One enters, and stays, while its gain held out, in half
+    chi-square, exceeds ``threshold``.
     """
     base = fit_force(data, ())
     chosen: list[FoamEffect] = []
     best = base
     score = _held_out(data, chosen, folds, base)
-    table: list[dict[str, float]] = []
     while len(chosen) < len(STARTS):
         gains: dict[str, tuple[float, ForceFit]] = {}
         for name, starts in STARTS.items():
@@ -141,7 +140,6 @@ def select_force_effects(data: ForceData, folds: NDArray[np.intp], threshold: fl
                 gains[name] = (0.5 * (best.chi_square - fit.chi_square), fit)
                 continue
             gains[name] = (score - _held_out(data, fit.effects, folds, fit), fit)
-        table.append({name: gain for name, (gain, _) in gains.items()})
         name, (gain, fit) = max(gains.items(), key=lambda item: item[1][0])
         if gain < threshold:
             break
@@ -153,7 +151,7 @@ def select_force_effects(data: ForceData, folds: NDArray[np.intp], threshold: fl
         loss = _held_out(data, without.effects, folds, without) - score
         if loss < threshold:
             best, score = without, score + loss
-    return base, best, table
+    return base, best
 
 
 def _held_out(data: ForceData, effects: Sequence[FoamEffect], folds: NDArray[np.intp], start: ForceFit) -> float:

@@ -7,32 +7,38 @@ rest. Everything is in whitened coordinates (volt).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ertskin.diagnosis.patches import (
+    Past,
+    Patch,
+    State,
+    contact_groups,
+    followers,
+    in_contact,
+    main_directions,
+    memory_frames,
+    within,
+)
 from ertskin.diagnosis.sensitivity import Hats, PadRims, model_elements, sheet_sensitivity, whitening_of_transfer
+from ertskin.diagnosis.sheet_state import displaced, log_field, pad_shifts, tensor_of, tensor_strength
 from physics.conduction.mesh import Grading
 from physics.conduction.sheet import Resolution, SheetModel, Solution
-from physics.effects.effect import Effect, ElectrodeEffect, FoamEffect, PlacementEffect, SheetEffect
+from physics.effects.effect import Effect, FoamEffect, PlacementEffect
 from physics.effects.scan_skew import ScanSkew
-from physics.effects.sheet_anisotropy import SheetAnisotropy
-from physics.effects.sheet_inhomogeneity import SheetInhomogeneity
 from physics.history import History
-from physics.protocol import Protocol
-from physics.sensor import Sensor
 from physics.skin import SKEW_NODES, TAIL, Skin, frames_since, lagrange_weights
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 GRID_M = 1.5e-3
-ALIKE = 0.05
-"""States whose changes of conductance differ by less than this part share a solution."""
 NEAR_CONTACTS = 0.03
 """Relative change of contact resistances that their first derivatives still carry: a series resistance is linear."""
 COARSE_GRID_M = 0.01
@@ -49,58 +55,6 @@ SHEET_TENSORS = np.array([[1.0, 0.0, 1.0], [0.5, 0.0, -0.5], [0.0, 0.5, 0.0]])
 """Scalar change of conductance and the two derivatives of the anisotropic tensor at isotropy."""
 
 Progress = Callable[[float, str], None]
-
-
-@dataclass(frozen=True, eq=False)
-class State:
-    """One solution: whitened scan (P,) in volt and its derivatives.
-
-    ``local`` (P,R) by the relative conductance in the patch's directions; ``contact`` (P,L) by the contact resistances,
-    volt per ohm; ``pads`` (P,L,2) by their shifts, volt per metre.
-    """
-
-    scan: Array
-    relative: Array
-    contact_ohm: Array
-    local: NDArray[np.float32]
-    contact: Array
-    pads: Array
-
-
-@dataclass(frozen=True, eq=False)
-class Past:
-    """Frames (n,), in recording order, that count for memories at a place, and where among them its own (m,) are."""
-
-    frames: Indices
-    own: Indices
-
-
-@dataclass(frozen=True, eq=False)
-class Patch:
-    """The surroundings of one set of contacts.
-
-    ``rows`` (m,) which of the wanted frames have these contacts; ``past`` what counts for memories there, ``since_air``
-    the same where air clears them; ``grid_m`` (G,2); ``states`` the solutions and ``state_of`` (m,) which one each row
-    uses; ``directions`` (G,R) what of the grid their derivatives see.
-    """
-
-    rows: Indices
-    past: Past
-    since_air: Past
-    hats: Hats
-    inside: Indices
-    states: list[State]
-    state_of: Indices
-    directions: NDArray[np.float32]
-
-    @property
-    def grid_m(self) -> Array:
-        """(G,2) nodes of the grid."""
-        return self.hats.node_m[self.inside]
-
-    def past_of(self, skin: Skin) -> Past:
-        """The frames that a skin's effects remember."""
-        return self.past if any(getattr(e, "remembers_air", False) for e in skin.effects) else self.since_air
 
 
 class LinearSkin:
@@ -130,8 +84,8 @@ class LinearSkin:
         self._moving: tuple[Skin, Array, list[Array]] | None = None
         self._rims = PadRims(skin.sheet)
         self._points = skin.sheet.quadrature_m.reshape(-1, 2)
-        self._tensor = _tensor_of(skin.effects)
-        self._field = _log_field(skin.effects, self._points, skin.sensor.extent_m)
+        self._tensor = tensor_of(skin.effects)
+        self._field = log_field(skin.effects, self._points, skin.sensor.extent_m)
         self._rest = self._solve(self._rest_relative, skin.contact_resistance_ohm)
         self._contacts_now = self._contact_ohm(skin, force_n) / self._drift(skin)[:, None]
         self.patches = self._build(progress or (lambda share, text: None))
@@ -174,11 +128,11 @@ class LinearSkin:
             return list(pool.map(one, groups))
 
     def _patch(self, rows: Indices) -> Patch:
-        present = _present(self._contact, self.force_n)
+        present = in_contact(self._contact, self.force_n)
         frames = self.wanted[rows]
         spots = self._contact[frames[0]][present[frames[0]]]
         reach = self.skin.pressure.radius_m(TAIL)
-        near = _within(self._points, spots, reach)
+        near = within(self._points, spots, reach)
         elements = model_elements(self.skin.sheet, near)
         if len(spots):
             low = np.maximum(spots.min(axis=0) - reach, self.skin.sensor.extent_m[0])
@@ -186,18 +140,18 @@ class LinearSkin:
         else:
             low, high = self.skin.sensor.extent_m[0], self.skin.sensor.extent_m[0] + GRID_M
         hats = Hats(low, high, GRID_M)
-        inside = np.flatnonzero(_within(hats.node_m, spots, reach + 2 * GRID_M))
-        visits = _memory_frames(self._contact, self.force_n, spots, reach)
+        inside = np.flatnonzero(within(hats.node_m, spots, reach + 2 * GRID_M))
+        visits = memory_frames(self._contact, self.force_n, spots, reach)
         since = frames_since(np.asarray(~present.any(axis=1)), frames)
         past, since_air = (Past(known, np.searchsorted(known, frames)) for known in (visits, since))
         nobody, unknown = np.zeros(len(rows), dtype=np.intp), np.zeros((len(inside), 0), dtype=np.float32)
         patch = Patch(rows, past, since_air, hats, inside, [], nobody, unknown)
         relative = self._relative(self.skin, self.force_n, patch)
         contacts = self._contacts_now[rows]
-        state_of, leaders = _alike(relative, contacts, self.skin.contact_resistance_ohm)
+        state_of, leaders = followers(relative, contacts, self.skin.contact_resistance_ohm)
         per = self.skin.sheet.weight_m2.shape[1]
         points = (elements[:, None] * per + np.arange(per)).ravel()
-        close = points[_within(self._points[points], spots, reach)]
+        close = points[within(self._points[points], spots, reach)]
         before = patch.past_of(self.skin)
         led = Past(before.frames, before.own[leaders])
         pressed = self._relative_at(self.skin, self.force_n, self._points[close], led)
@@ -205,7 +159,7 @@ class LinearSkin:
             self._state(patch, elements, relative[k], contacts[k], close, values)
             for k, values in zip(leaders, pressed, strict=True)
         ]
-        directions = _directions(np.concatenate([state.local for state in states]), RANK)
+        directions = main_directions(np.concatenate([state.local for state in states]), RANK)
         states = [replace(state, local=state.local @ directions) for state in states]
         return replace(patch, states=states, state_of=state_of, directions=directions)
 
@@ -247,12 +201,12 @@ class LinearSkin:
         scale = np.exp(-self._field) / self.skin.piezo.zero_ohm_sq
         values, tensor = hats.values(self._points), self._tensor[None]
         columns = sheet_sensitivity(self._rest, elements, values, self._whitening, tensor, scale)[0]
-        present = _present(self._contact, self.force_n)
+        present = in_contact(self._contact, self.force_n)
         reach = self.skin.pressure.radius_m(TAIL)
         own = np.zeros((len(self.wanted), len(hats.node_m)), dtype=bool)
         for patch in self.patches:
             frame = self.wanted[patch.rows[0]]
-            own[patch.rows] = _within(hats.node_m, self._contact[frame][present[frame]], reach)
+            own[patch.rows] = within(hats.node_m, self._contact[frame][present[frame]], reach)
         return hats.node_m, columns, own
 
     def _left_behind(self, skin: Skin, force_n: Array) -> Array | None:
@@ -264,7 +218,7 @@ class LinearSkin:
         change = skin.left_behind(self.history.time_s, nodes, pressure, self.wanted)
         # The current that flows anyway dissipates with the resistance.
         extent = skin.sensor.extent_m
-        field = _log_field(skin.effects, nodes, extent) - _log_field(self.skin.effects, nodes, extent)
+        field = log_field(skin.effects, nodes, extent) - log_field(self.skin.effects, nodes, extent)
         return np.where(own, 0.0, change * np.exp(field)) @ columns.T
 
     # whole-sheet derivatives, on a coarser mesh ----------------------------------------------------------------------
@@ -278,11 +232,11 @@ class LinearSkin:
     @cached_property
     def sheet_derivatives(self) -> list[list[Array]]:
         """Per patch, (3,P,H) derivatives at rest and (but for the resting patch) under the strongest press."""
-        model = SheetModel(_displaced(self.skin), COARSE)
+        model = SheetModel(displaced(self.skin), COARSE)
         points = model.quadrature_m.reshape(-1, 2)
         elements = np.arange(len(model.weight_m2))
         hats = self.sheet_hats.values(points)
-        scale = np.exp(-_log_field(self.skin.effects, points, self.skin.sensor.extent_m)) / self.skin.piezo.zero_ohm_sq
+        scale = np.exp(-log_field(self.skin.effects, points, self.skin.sensor.extent_m)) / self.skin.piezo.zero_ohm_sq
 
         def derivative(relative: Array) -> Array:
             conductance = (scale * relative).reshape(model.weight_m2.shape)
@@ -292,10 +246,10 @@ class LinearSkin:
 
         def strongest(patch: Patch) -> Array:
             first = self.wanted[patch.rows[0]]
-            spots = self._contact[first][_present(self._contact, self.force_n)[first]]
+            spots = self._contact[first][in_contact(self._contact, self.force_n)[first]]
             if not len(spots):
                 return rest
-            close = np.flatnonzero(_within(points, spots, self.skin.pressure.radius_m(TAIL)))
+            close = np.flatnonzero(within(points, spots, self.skin.pressure.radius_m(TAIL)))
             signal = np.array([np.abs(patch.states[k].relative - 1).sum() for k in patch.state_of])
             row = self.wanted[patch.rows[int(signal.argmax())]]
             sheet = np.ones(len(points))
@@ -377,7 +331,7 @@ class LinearSkin:
         factor = skin.piezo.zero_ohm_sq / self.skin.piezo.zero_ohm_sq * self._drift(skin)
         contacts = self._contact_ohm(skin, force_n) / factor[:, None]
         coarse = self._coarse_change(skin)
-        moved = _pad_shifts(skin) - _pad_shifts(self.skin)
+        moved = pad_shifts(skin) - pad_shifts(self.skin)
         self._settle_regime(skin, force_n)
         left = self._left_behind(skin, force_n)
         if coarse is not None:
@@ -406,17 +360,17 @@ class LinearSkin:
         return result
 
     def _coarse_change(self, skin: Skin) -> Array | None:
-        now = _tensor_strength(skin.effects) - _tensor_strength(self.skin.effects)
+        now = tensor_strength(skin.effects) - tensor_strength(self.skin.effects)
         extent = skin.sensor.extent_m
-        field = _log_field(skin.effects, self.sheet_hats.node_m, extent)
-        field = field - _log_field(self.skin.effects, self.sheet_hats.node_m, extent)
+        field = log_field(skin.effects, self.sheet_hats.node_m, extent)
+        field = field - log_field(self.skin.effects, self.sheet_hats.node_m, extent)
         if not now.any() and not field.any():
             return None
         return np.stack([np.expm1(-field), np.full(len(field), now[0]), np.full(len(field), now[1])])
 
     def _local_field(self, skin: Skin, patch: Patch) -> Array:
         extent = skin.sensor.extent_m
-        change = _log_field(skin.effects, patch.grid_m, extent) - _log_field(self.skin.effects, patch.grid_m, extent)
+        change = log_field(skin.effects, patch.grid_m, extent) - log_field(self.skin.effects, patch.grid_m, extent)
         return np.exp(-change)
 
     def _relative(self, skin: Skin, force_n: Array, patch: Patch) -> Array:
@@ -461,103 +415,3 @@ class LinearSkin:
 
     def _drift(self, skin: Skin) -> Array:
         return skin.drift(self.history.time_s)[self.wanted]
-
-
-def _directions(rows: NDArray[np.float32], rank: int) -> NDArray[np.float32]:
-    """(G,R) orthonormal directions that hold nearly all of rows (n,G): a randomised range finder, one power step.
-
-    After Halko, Martinsson and Tropp, SIAM Review 53 (2011) 217.
-    """
-    width = min(rank, *rows.shape)
-    if width == rows.shape[1]:
-        return np.eye(width, dtype=np.float32)
-    start = np.random.default_rng(0).standard_normal((len(rows), width)).astype(np.float32)
-    found = np.linalg.qr(rows.T @ start)[0]
-    return np.asarray(np.linalg.qr(rows.T @ (rows @ found))[0])
-
-
-def contact_groups(contact_m: Array, force_n: Array) -> list[Indices]:
-    """Frames (in recording order) that share the same contacts."""
-    key = np.where(_present(contact_m, force_n)[..., None], np.round(contact_m, 9), np.inf).reshape(len(contact_m), -1)
-    number = np.unique(key, axis=0, return_inverse=True)[1].ravel()
-    return [np.flatnonzero(number == n) for n in range(number.max() + 1)]
-
-
-def _present(contact_m: Array, force_n: Array) -> NDArray[np.bool_]:
-    return np.asarray(np.isfinite(contact_m).all(axis=-1) & (np.nan_to_num(force_n) > 0))
-
-
-def _within(position_m: Array, spots: Array, reach_m: float) -> NDArray[np.bool_]:
-    near = np.zeros(len(position_m), dtype=bool)
-    for spot in spots:
-        near |= ((position_m - spot) ** 2).sum(axis=1) < reach_m**2
-    return near
-
-
-def _memory_frames(contact_m: Array, force_n: Array, spots: Array, reach_m: float) -> Indices:
-    close = ~_present(contact_m, force_n).any(axis=1)
-    for spot in spots:
-        apart = np.nan_to_num(np.hypot(*np.moveaxis(contact_m - spot, -1, 0)), nan=np.inf)
-        close |= (apart < 2 * reach_m).any(axis=1)
-    return np.flatnonzero(close)
-
-
-def _alike(relative: Array, contacts: Array, usual: Array) -> tuple[Indices, list[int]]:
-    """Which leader each row follows, and the rows that lead."""
-    if not relative.shape[1]:
-        return np.zeros(len(relative), dtype=np.intp), [0]
-    change = np.hstack([relative - 1, 0.2 * (contacts / usual - 1)])
-    size = np.sqrt((change**2).sum(axis=1))
-    leaders: list[int] = []
-    state_of = np.zeros(len(relative), dtype=np.intp)
-    for k in range(len(relative)):
-        if leaders:
-            apart = np.sqrt(((change[leaders] - change[k]) ** 2).sum(axis=1))
-            nearest = int(apart.argmin())
-            if apart[nearest] < ALIKE * max(size[k], 1e-6):
-                state_of[k] = nearest
-                continue
-        state_of[k] = len(leaders)
-        leaders.append(k)
-    return state_of, leaders
-
-
-def _tensor_of(effects: Sequence[object]) -> Array:
-    for effect in effects:
-        if isinstance(effect, SheetAnisotropy):
-            return effect.tensor()
-    return np.array([1.0, 0.0, 1.0])
-
-
-def _tensor_strength(effects: Sequence[object]) -> Array:
-    for effect in effects:
-        if isinstance(effect, SheetAnisotropy):
-            return np.array([effect.stretch_x, effect.stretch_diagonal])
-    return np.zeros(2)
-
-
-def _log_field(effects: Sequence[object], position_m: Array, extent_m: Array) -> Array:
-    total = np.zeros(len(position_m))
-    for effect in effects:
-        if isinstance(effect, SheetInhomogeneity):
-            total += effect.log_resistance(position_m, extent_m)
-    return total
-
-
-def _displaced(skin: Skin) -> Sensor:
-    sensor = skin.sensor
-    for effect in skin.effects:
-        if isinstance(effect, ElectrodeEffect):
-            sensor = effect.geometry(sensor)
-    return sensor
-
-
-def _pad_shifts(skin: Skin) -> Array:
-    nominal = np.zeros((skin.protocol.electrodes, 2))
-    for effect in skin.effects:
-        if effect.name == "electrode_displacement":
-            nominal[effect.electrode] += (effect.dx_m, effect.dy_m)  # type: ignore[attr-defined]
-    return nominal
-
-
-__all__ = ["LinearSkin", "Protocol", "SheetEffect", "SheetModel", "contact_groups"]

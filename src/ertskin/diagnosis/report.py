@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from ertskin.diagnosis.backprojection import backprojected
 from ertskin.diagnosis.claims import Claim, Diagnosis, gathered
-from ertskin.diagnosis.diagnose import Findings
 from ertskin.diagnosis.drawn import Drawing, DrawnFindings
+from ertskin.diagnosis.findings import Findings
 from ertskin.diagnosis.residuals import AxisTest
 from ertskin.diagnosis.summary import in_words
 

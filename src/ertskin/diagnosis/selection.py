@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ertskin.diagnosis.candidates import Candidate, screen
 from ertskin.diagnosis.claims import Rival
+from ertskin.diagnosis.forms import form_of, freer
 from ertskin.diagnosis.settled import WORSE, Standing, settled, standing
 from ertskin.diagnosis.skin_family import WIDEST_RATIO, Calibration
 from ertskin.diagnosis.smooth_fields import with_smooth_fields
@@ -19,8 +20,6 @@ from physics.effects.contact_drift import ContactDrift
 from physics.effects.effect import Stage
 from physics.effects.electrode_displacement import ElectrodeDisplacement
 from physics.effects.piezo_creep import PiezoCreep
-from physics.effects.piezo_hysteresis import PiezoHysteresis
-from physics.effects.scan_skew import ScanSkew
 from physics.effects.temperature_drift import TemperatureDrift
 
 Array = NDArray[np.float64]
@@ -264,19 +263,13 @@ def _different(listed: Sequence[Candidate]) -> list[Candidate]:
     kept: list[Candidate] = []
     for candidate in listed:
         same = [k for k in kept if k.name == candidate.name]
-        forms = {_form(k) for k in same}
+        forms = {form_of(k.term) for k in same}
         if len({k.name for k in kept} | {candidate.name}) > TRIED:
             continue
         smooth = bool(getattr(candidate.term.effect, "nodes", ()))
-        if not same or (_form(candidate) not in forms and (smooth or len(same) < 2)):
+        if not same or (form_of(candidate.term) not in forms and (smooth or len(same) < 2)):
             kept.append(candidate)
     return kept
-
-
-def _form(candidate: Candidate) -> tuple[object, ...]:
-    effect = candidate.term.effect
-    flags = (getattr(effect, flag, False) for flag in ("remembers_air", "multiplies"))
-    return candidate.term.free, *flags, bool(getattr(effect, "nodes", ()))
 
 
 def _try(
@@ -347,36 +340,14 @@ def _refined(build: Problem, here: Standing, partitions: Sequence[Sequence[int]]
 def _freed(here: Standing, partitions: Sequence[Sequence[int]]) -> Solved:
     problem, current = here.problem, here.solved
     for number, term in enumerate(current.terms):
-        for freer in _freer(term):
-            terms = [*current.terms[:number], freer, *current.terms[number + 1 :]]
+        for form in freer(term):
+            terms = [*current.terms[:number], form, *current.terms[number + 1 :]]
             freed = problem.solve(terms, current.calibration)
             gain = float(held_out(current, partitions).sum()) - float(held_out(freed, partitions).sum())
             # No name hangs on a form, and so few numbers can't lower the misfit that much by chance.
             if gain > SIGNIFICANT or _of_frames(freed) < STILL**2 * _of_frames(current):
                 current = freed
     return with_smooth_fields(problem, current, partitions)
-
-
-def _freer(term: Term) -> list[Term]:
-    """The term with more of its form free, or in its other form; none where there is no more to free."""
-    effect = term.effect
-    if isinstance(effect, PiezoHysteresis) and term.free == ("width",):
-        return [Term(effect.changed({"spread": 0.3}), ("width", "spread"))]
-    if isinstance(effect, PiezoCreep) and not {"exponent", "half_pa"} & set(term.free):
-        spread = effect
-        if effect.decades == 0:
-            spread = replace(effect, time_s=max(0.1 * effect.time_s, 0.1), decades=3.0, remembers_air=True)
-        added = replace(spread, exponent=0.8, multiplies=False)
-        return [
-            Term(added, ("fraction", "time_s", "decades", "exponent")),
-            Term(replace(spread, multiplies=True), ("fraction", "time_s", "decades", "half_pa")),
-        ]
-    if isinstance(effect, PiezoCreep) and "half_pa" in term.free and "power" not in term.free:
-        return [Term(effect.changed({"unevenness": 0.3}), (*term.free, "unevenness", "power"))]
-    if isinstance(effect, ScanSkew) and "ease" not in term.free:
-        eased = replace(effect, ease=0.5)
-        return [Term(form, (*term.free, "ease")) for form in (eased, replace(eased, overshoots=True))]
-    return []
 
 
 def _backward(
@@ -409,6 +380,3 @@ def _backward(
         if dropped is None:
             return tuple(chosen), current
         current = dropped[1]
-
-
-__all__ = ["Chosen", "Selection", "replace", "select"]

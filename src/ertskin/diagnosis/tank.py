@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from scipy.stats import f as f_distribution
 
 from ertskin.diagnosis.claims import QUANTILE, Claim, Diagnosis, Estimate, HeldOut, verdict_of
-from ertskin.diagnosis.diagnose import Findings
 from ertskin.diagnosis.drawn import Drawing, DrawnFindings
+from ertskin.diagnosis.findings import Findings
 from ertskin.diagnosis.inclusions import Imaging
 from ertskin.diagnosis.standing_error import (
     LEVEL,

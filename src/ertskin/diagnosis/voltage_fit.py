@@ -391,6 +391,3 @@ def _step(hessian: Array, gradient: Array, terms: Sequence[_Numbers]) -> Array:
         if not wild:
             return step
         held += wild
-
-
-__all__ = ["Solved", "Term", "VoltageProblem", "held_out", "replace"]

@@ -11,9 +11,9 @@ import yaml
 
 from ertskin.diagnosis.any_recording import diagnose_any
 from ertskin.diagnosis.claims import Claim, Diagnosis, Estimate, HeldOut, confidences, gathered, verdict_of
-from ertskin.diagnosis.diagnose import _broad_ratio
 from ertskin.diagnosis.force_fit import STARTS, ForceData, fit_force, select_force_effects
 from ertskin.diagnosis.least_squares import Quadratic, descend
+from ertskin.diagnosis.predictions import broad_ratio
 from ertskin.diagnosis.sensitivity import Hats
 from ertskin.diagnosis.written import config_name, write_diagnosis, write_effects
 from hardware.recording import Frames, Recording
@@ -128,7 +128,7 @@ def test_force_stage_names_what_the_load_cell_shows(hidden) -> None:
     force = foam_force_n(history, 1800.0, 9000.0, 0.004, hidden)
     force = force + 0.01 * np.random.default_rng(3).standard_normal(force.shape)
     data = ForceData(replace(history, force_n=force), 0.01, 9000.0, 1e-3, 0.004)
-    plain, best, _ = select_force_effects(data, history.press % 3, 10.0)
+    plain, best = select_force_effects(data, history.press % 3, 10.0)
     assert tuple(e.name for e in best.effects) == tuple(e.name for e in hidden)
     for found, true in zip(best.effects, hidden, strict=True):
         key = next(iter(true.parameters()))
@@ -171,8 +171,8 @@ def test_one_corner_press_slightly_off_is_no_mismatch_but_a_torn_place_is() -> N
     slightly, torn = residual.copy(), residual.copy()
     slightly[press == 5] *= 1.5
     torn[press == 5] *= 4.0
-    assert _broad_ratio(slightly, press) < 1.02
-    assert _broad_ratio(torn, press) > 1.5
+    assert broad_ratio(slightly, press) < 1.02
+    assert broad_ratio(torn, press) > 1.5
 
 
 def test_claims_of_many_electrodes_are_one_line_for_a_reader() -> None:

@@ -1,0 +1,205 @@
+"""From the fits and what they predict to the answer: claims, how sure, the verdict, and where the mismatch lies."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import chi2
+
+from ertskin.diagnosis.acquisition_signal import acquires
+from ertskin.diagnosis.baseline import Baseline
+from ertskin.diagnosis.claims import (
+    MATERIAL_RATIO,
+    Claim,
+    Diagnosis,
+    Estimate,
+    HeldOut,
+    against,
+    estimate,
+    verdict_of,
+)
+from ertskin.diagnosis.confidence import AXES_OF, left_over, mending, overshadowed, standing_only
+from ertskin.diagnosis.drift_claims import drift_claims
+from ertskin.diagnosis.evidence import Evidence
+from ertskin.diagnosis.findings import Findings
+from ertskin.diagnosis.force_answer import ForceAnswer, force_answer
+from ertskin.diagnosis.holding_out import SPLIT
+from ertskin.diagnosis.predictions import Predictions, broad_ratio, misfit_p
+from ertskin.diagnosis.residuals import axis_tests, depends_on
+from ertskin.diagnosis.selection import Chosen, Selection
+from physics.effects.adc_saturation import AdcSaturation
+from physics.effects.contact_drift import ContactDrift
+from physics.effects.effect import Stage
+from physics.effects.piezo_inhomogeneity import PiezoInhomogeneity
+from physics.effects.sheet_inhomogeneity import SheetInhomogeneity
+
+SATURATED = 0.97
+"""Confidence that readings piled up or bent at the top of their range are the converter's doing."""
+DOUBT = 2.0
+"""Standard errors of the noise by which a misfit without a name must be more."""
+STANDS_OUT = 3.0
+"""Times the median by which a channel's standing error makes it the one that is wrong."""
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """All that an answer is made from; ``leftover`` is what no network and no named instrument explains, over noise."""
+
+    evidence: Evidence
+    baseline: Baseline
+    selection: Selection
+    found: Predictions
+    force: ForceAnswer
+    leftover: float
+
+    @property
+    def instrument_off(self) -> bool:
+        """Whether more is left than any network and the instrument's named effects explain."""
+        return self.leftover > MATERIAL_RATIO
+
+
+def answered(name: str, evidence: Evidence, baseline: Baseline, selection: Selection, found: Predictions) -> Findings:
+    """The diagnosis of a skin's recording called ``name``, before any press is looked for that would settle it."""
+    force = force_answer(evidence, baseline, selection)
+    case = Case(evidence, baseline, selection, found, force, _leftover_after(evidence, selection))
+    claims = _claims(case)
+    jitters = baseline.noise.jittering >= 0 and not claims
+    verdict = _verdict(case, claims, jitters)
+    if verdict in ("unexplained", "no_mismatch"):
+        claims = []
+    history = evidence.history[found.held]
+    tests_before = axis_tests(found.before, history, evidence.protocol)
+    tests_after = axis_tests(found.after, history, evidence.protocol)
+    axes = [axis for claim in claims for axis in AXES_OF.get(claim.effect.name, ())]
+    if verdict == "unexplained":
+        axes = ["electrode", "time"] if jitters else depends_on(tests_before)
+    stage = None if not claims else str(claims[0].effect.stage)
+    if verdict == "unexplained" and case.instrument_off:
+        stage = str(Stage.ACQUISITION)
+    electrodes = _electrodes(case, claims)
+    if jitters:
+        stage, electrodes = str(Stage.ELECTRODES), (baseline.noise.jittering,)
+    position, radius = _place_of(claims)
+    left = found.ratio_after if claims else found.ratio_before
+    diagnosis = Diagnosis(
+        name,
+        verdict,
+        HeldOut(
+            SPLIT, evidence.noise_v, found.ratio_before, left, _p_value(found, claims), force.before_n, force.after_n
+        ),
+        stage=stage,
+        electrodes=electrodes,
+        position_m=position,
+        radius_m=radius,
+        depends_on=tuple(dict.fromkeys(axes)),
+        claims=tuple(claims),
+        unexplained_ratio=left,
+        unexplained_depends_on=tuple(depends_on(tests_after) if found.ratio_after > MATERIAL_RATIO else ()),
+    )
+    return Findings(
+        diagnosis,
+        evidence,
+        baseline,
+        selection,
+        found.held,
+        found.before,
+        found.after,
+        tuple(tests_before),
+        tuple(tests_after),
+    )
+
+
+def _claims(case: Case) -> list[Claim]:
+    """Every claim with its confidence, the largest first and contacts that wander last."""
+    selection, ratios = case.selection, (case.found.ratio_before, case.found.ratio_after)
+    claims = [_voltage_claim(selection, chosen, k) for k, chosen in enumerate(selection.chosen)]
+    claims = left_over([*claims, *case.force.claims, *drift_claims(selection)], *ratios)
+    shown = {finding.effect.name for finding in case.baseline.specimen_findings}
+    if case.baseline.displaced is not None:
+        shown.add(case.baseline.displaced.name)
+    claims = mending(claims, shown)
+    claims = overshadowed(claims, case.evidence.protocol.orthonormal.shape, ratios, case.leftover)
+    residuals = (selection.before.scan_residual, selection.after.scan_residual)
+    claims = standing_only(claims, *residuals, selection.problem.evidence.rest, shown)
+    claims += _instrument_claims(case.evidence)
+    return sorted(claims, key=lambda c: (c.effect.name == ContactDrift.name, -c.ratio_alone))
+
+
+def _verdict(case: Case, claims: list[Claim], jitters: bool) -> str:
+    instrument = case.instrument_off or any(c.effect.stage == Stage.ACQUISITION for c in claims)
+    mismatch = bool(case.force.claims) or case.force.off or instrument or jitters
+    surely = 1 + DOUBT * case.baseline.noise.error
+    press = case.evidence.history[case.found.held].press
+    before = case.found.ratio_before if claims else broad_ratio(case.found.before, press) / surely
+    verdict = verdict_of(before, case.found.ratio_after, bool(claims), mismatch)
+    if verdict == "explained" and (case.force.off or case.instrument_off):
+        return "partly_explained"
+    return verdict
+
+
+def _p_value(found: Predictions, claims: list[Claim]) -> float:
+    """Chance of the gain held out from what was claimed, or of the misfit itself where nothing was."""
+    if not claims:
+        return misfit_p(found.before)
+    gained = float((found.before**2).sum() - (found.after**2).sum())
+    return float(chi2.sf(max(gained, 0.0), max(1, sum(len(c.parameters) for c in claims))))
+
+
+def _instrument_claims(evidence: Evidence) -> list[Claim]:
+    """A converter at its limit, which the readings themselves show."""
+    limit = evidence.saturated_v
+    if limit is None:
+        return []
+    step = 2 * (evidence.protocol.adc_volts_per_count or 1e-4 * abs(limit))
+    alone = max(1.0, evidence.leftover_ratio)
+    return [
+        Claim(AdcSaturation(limit), SATURATED, alone, {"limit_v": Estimate(limit, limit - step, limit + step, "V")})
+    ]
+
+
+def _leftover_after(evidence: Evidence, selection: Selection) -> float:
+    """Rms over noise of what no network explains, the instrument's named effects taken off."""
+    if evidence.saturated_v is not None:
+        return 1.0
+    solved, problem = selection.after, selection.problem
+    if not acquires(solved.effects):
+        return evidence.leftover_ratio
+    left = problem.acquisition.residual(problem.family.skin(solved.calibration, solved.effects))
+    return float(np.sqrt((left[left != 0] ** 2).mean() / evidence.leftover_share))
+
+
+def _voltage_claim(selection: Selection, chosen: Chosen, number: int) -> Claim:
+    solved = selection.after
+    first = len(solved.terms) - len(selection.chosen)
+    term = solved.terms[first + number]
+    known = term.effect.parameters()
+    estimates = {}
+    for key in term.free:
+        estimates[key] = estimate(*solved.known(first + number, key), known[key])
+    confidence, alternatives = against(chosen.rivals)
+    return Claim(term.effect, confidence, chosen.ratio_alone, estimates, alternatives, chosen.rivals)
+
+
+def _electrodes(case: Case, claims: list[Claim]) -> tuple[int, ...]:
+    """Electrodes and channels claimed, and those whose readings no network explains."""
+    claimed = [getattr(c.effect, key, -1) for c in claims for key in ("electrode", "channel")]
+    named = tuple(int(number) for number in claimed if number >= 0)
+    if not case.instrument_off:
+        return named
+    return tuple(dict.fromkeys((*named, *_leftover_channels(case.evidence))))
+
+
+def _leftover_channels(evidence: Evidence) -> tuple[int, ...]:
+    """Channels whose readings are off by what no network explains, frame after frame, far more than the others'."""
+    mean = evidence.leftover_v.mean(axis=0)
+    size = np.sqrt((mean**2).mean(axis=0))
+    return tuple(int(k) for k in np.flatnonzero(size > STANDS_OUT * np.median(size)))
+
+
+def _place_of(claims: list[Claim]) -> tuple[tuple[float, float] | None, float | None]:
+    for claim in claims:
+        effect = claim.effect
+        if isinstance(effect, PiezoInhomogeneity | SheetInhomogeneity) and effect.amplitude != 0:
+            return (effect.x_m, effect.y_m), effect.radius_m
+    return None, None
