@@ -126,7 +126,7 @@ def draw(results: dict, path: Path) -> None:
 def main() -> None:
     """Measure, then write table, plot and numbers; ``--small`` prints only."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--small", action="store_true", help="a look in a minute or two; writes nothing")
+    parser.add_argument("--small", action="store_true", help="a look in a few minutes; writes nothing")
     parser.add_argument("--only", metavar="SECTION", nargs="+", help="measure these again and keep the others")
     arguments = parser.parse_args()
     store = HERE / "results.json"
