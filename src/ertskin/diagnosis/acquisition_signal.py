@@ -82,6 +82,7 @@ class AcquisitionSignal:
         return reduce(np.add, parts)
 
     def residual(self, skin: Skin) -> Array:
-        """(n, K*M) leftover not explained, in units of the noise."""
+        """(n, K*M) leftover not explained, in units of the noise; nought for readings left out."""
         found = self.evidence.leftover_v[self.rows].reshape(len(self.rows), -1).astype(float)
-        return np.asarray((found - self.leftover(skin)) / self.evidence.leftover_noise_v)
+        wrong = (found - self.leftover(skin)) / self.evidence.leftover_noise_v
+        return np.where(found != 0, wrong, 0.0)

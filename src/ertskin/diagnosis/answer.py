@@ -36,6 +36,8 @@ from physics.effects.sheet_inhomogeneity import SheetInhomogeneity
 
 SATURATED = 0.97
 """Confidence that readings piled up or bent at the top of their range are the converter's doing."""
+WORTH_SAYING = 0.05
+"""Least confidence of a name that is said at all."""
 DOUBT = 2.0
 """Standard errors of the noise by which a misfit without a name must be more."""
 STANDS_OUT = 3.0
@@ -61,7 +63,7 @@ class Case:
 
 def answered(name: str, evidence: Evidence, baseline: Baseline, selection: Selection, found: Predictions) -> Findings:
     """The diagnosis of a skin's recording called ``name``, before any press is looked for that would settle it."""
-    force = force_answer(evidence, baseline, selection)
+    force = force_answer(evidence, baseline, selection, found.held)
     case = Case(evidence, baseline, selection, found, force, _leftover_after(evidence, selection))
     claims = _claims(case)
     jitters = baseline.noise.jittering >= 0 and not claims
@@ -123,6 +125,7 @@ def _claims(case: Case) -> list[Claim]:
     residuals = (selection.before.scan_residual, selection.after.scan_residual)
     claims = standing_only(claims, *residuals, selection.problem.evidence.rest, shown)
     claims += _instrument_claims(case.evidence)
+    claims = [claim for claim in claims if claim.confidence >= WORTH_SAYING]
     return sorted(claims, key=lambda c: (c.effect.name == ContactDrift.name, -c.ratio_alone))
 
 

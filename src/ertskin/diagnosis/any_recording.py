@@ -21,12 +21,17 @@ def diagnose_any(
         from ertskin.diagnosis.coupon import diagnose_coupon
 
         return diagnose_coupon(recording.coupon, name)
+    if recording.frames is not None and recording.protocol is None:
+        return _refused(name, "the recording has no protocol: what a reading means is unknown")
     pressed = recording.frames is not None and bool(recording.frames.history.touched.any())
     if recording.frames is not None and recording.sensor is not None and recording.specimen is None and not pressed:
         from ertskin.diagnosis.tank import diagnose_tank
 
         return diagnose_tank(recording, name)
     if recording.frames is None:
-        held = HeldOut("none", None, None, None, None)
-        return Findings(Diagnosis(name, "cannot_tell", held, reason="the recording holds neither frames nor a coupon"))
+        return _refused(name, "the recording holds neither frames nor a coupon")
     return diagnose(recording, name, report, resolution, selector)
+
+
+def _refused(name: str, reason: str) -> Findings:
+    return Findings(Diagnosis(name, "cannot_tell", HeldOut("none", None, None, None, None), reason=reason))

@@ -44,6 +44,14 @@ class Baseline:
     noise: Noise
     traces: Array
 
+    @property
+    def plain_force_n(self) -> Array:
+        """(T,C) forces in newton as the plain simulator has them from depth, where the load cell shows effects."""
+        if self.force_plain is None or self.force_best is None or not self.force_best.effects:
+            return self.force_n
+        plain = self.force_plain.force_n
+        return np.where(np.isfinite(plain) & (self.force_n > 0), plain, self.force_n)
+
 
 def calibrated(recording: Recording, evidence: Evidence, resolution: str = "fine") -> Baseline:
     """Raises ``CannotTell`` where the recording lacks what the simulator needs."""
@@ -59,7 +67,10 @@ def calibrated(recording: Recording, evidence: Evidence, resolution: str = "fine
     support, share = np.inf, 1e-3
     scatter = float("nan")
     if recording.rigid_block is not None:
-        found = indenter_support(recording.rigid_block.depth_m, recording.rigid_block.force_n)
+        try:
+            found = indenter_support(recording.rigid_block.depth_m, recording.rigid_block.force_n)
+        except ValueError as error:
+            raise CannotTell(f"the rigid block's curve can't be used: {error}") from None
         support, scatter = found.stiffness_n_per_m, found.force_noise_n
         share = max(found.standard_error_n_per_m / found.stiffness_n_per_m, 1e-5)
     noise = force_noise(evidence, scatter)
@@ -98,7 +109,8 @@ def _force_stage(
     data = ForceData(evidence.history, noise_n, stiff, error, foam_m)
     if data.used.sum() < 20:
         return None, None
-    plain, best = select_force_effects(data, evidence.history.press % 3, FORCE_SIGNIFICANT)
+    folds = np.unique(evidence.history.press, return_inverse=True)[1] % 3
+    plain, best = select_force_effects(data, folds, FORCE_SIGNIFICANT)
     return plain, best
 
 
@@ -113,4 +125,5 @@ def _driving_force(evidence: Evidence, best: ForceFit | None) -> Array:
     count = int(np.isfinite(best.residual).sum())
     fits = np.sqrt(best.chi_square / max(count, 1)) < 1.1
     predicted = np.where(history.touched, best.force_n, 0.0)
-    return np.where(np.isfinite(measured), predicted if fits else measured, np.nan_to_num(predicted))
+    better = np.isfinite(predicted) & (fits | ~np.isfinite(measured))
+    return np.nan_to_num(np.where(better, predicted, measured))

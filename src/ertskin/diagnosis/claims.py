@@ -40,7 +40,7 @@ class Rival:
 
 @dataclass(frozen=True)
 class Claim:
-    """One named effect. ``ratio_alone``: rms over noise, held out, were it alone left out.
+    """One named effect. ``ratio_alone``: rms over noise that it by itself would make, held out.
 
     ``rivals``: what else was fitted in its stead.
     """
@@ -65,7 +65,7 @@ class Claim:
             | {
                 key: {"value": value, "low": value, "high": value, "unit": "1", "level": LEVEL}
                 for key, value in self.effect.settings().items()
-                if key in ("electrode", "channel") and isinstance(value, int)
+                if key in ("electrode", "channel") and isinstance(value, int) and value >= 0
             },
             "alternatives": [{"name": n, "confidence": round(c, 3)} for n, c in self.alternatives],
         }

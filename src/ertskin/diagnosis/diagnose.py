@@ -65,8 +65,9 @@ def _diagnose(recording: Recording, name: str, report: Report, resolution: str, 
     fitted, held = fitted_and_held(evidence)
     family = SkinFamily(baseline.skin, resolution)
     selection = _selected(evidence, baseline, family, fitted, selector, report)
+    plain = _plain(evidence, baseline, family, fitted, selection)
     report(0.85, "predicting presses no fit has seen")
-    found = predictions(evidence, baseline, selection, family, held)
+    found = predictions(evidence, baseline, plain, selection, family, held)
     selection, found = unspoilt(evidence, baseline, selection, family, found)
     findings = answered(name, evidence, baseline, selection, found)
     skin = family.skin(selection.after.calibration, selection.after.effects)
@@ -83,23 +84,53 @@ def _selected(
     evidence: Evidence, baseline: Baseline, family: SkinFamily, fitted: Indices, selector: Selector, report: Report
 ) -> Selection:
     """The effects that the frames ``fitted`` show, beginning with those that other signals have named."""
-    train = evidence.frames(fitted)
-    cells = (np.unique(train.history.press, return_inverse=True)[1] % FOLDS).astype(np.intp)
-    nominal = baseline.skin
-    start = Calibration(nominal.piezo.zero_ohm_sq, nominal.contact_resistance_ohm, START_RATIO, np.zeros(SHAPE))
+    nominal, start = baseline.skin, _start(baseline)
 
     def build(solved: Solved | None) -> VoltageProblem:
         calibration, effects = (start, nominal.effects) if solved is None else (solved.calibration, solved.effects)
         skin = family.remeshed(calibration, effects)
-        linear = LinearSkin(skin, evidence.history, baseline.force_n, fitted, lambda share, text: report(None, text))
-        return VoltageProblem(train, family, linear, baseline.specimen, cells, np.ones(len(train.history)))
+        return _problem(evidence, baseline, family, skin, baseline.force_n, fitted, report)
 
     fixed = [Term(e, ("carried",) if isinstance(e, NonlinearFoam) else ()) for e in nominal.effects]
     begun = [(Term(f.effect, f.free), f.rivals) for f in baseline.specimen_findings]
     if baseline.displaced is not None:
         begun.append((Term(baseline.displaced, ("dx_m", "dy_m")), ()))
-    partitions = [[int(k)] for k in np.unique(cells)]
+    partitions = [[int(k)] for k in np.unique(_cells(evidence, fitted))]
     return selector(build, fixed, begun, start, partitions, report)
+
+
+def _plain(evidence: Evidence, baseline: Baseline, family: SkinFamily, fitted: Indices, selection: Selection) -> Solved:
+    """The simulator calibrated without any effect, forces from a linear pad: what the diagnosis is to improve on."""
+    if not selection.before.effects:
+        return selection.before
+    skin = family.remeshed(_start(baseline), ())
+    problem = _problem(evidence, baseline, family, skin, baseline.plain_force_n, fitted, lambda share, text: None)
+    return problem.solve((), _start(baseline))
+
+
+def _start(baseline: Baseline) -> Calibration:
+    skin = baseline.skin
+    return Calibration(skin.piezo.zero_ohm_sq, skin.contact_resistance_ohm, START_RATIO, np.zeros(SHAPE))
+
+
+def _cells(evidence: Evidence, fitted: Indices) -> Indices:
+    """(n,) which of the ``FOLDS`` each frame's press belongs to."""
+    return (np.unique(evidence.history.press[fitted], return_inverse=True)[1] % FOLDS).astype(np.intp)
+
+
+def _problem(
+    evidence: Evidence,
+    baseline: Baseline,
+    family: SkinFamily,
+    skin: Skin,
+    force_n: Array,
+    fitted: Indices,
+    report: Report,
+) -> VoltageProblem:
+    """The joint fit of the frames ``fitted``, under forces (T,C) in newton, linearised about ``skin``."""
+    linear = LinearSkin(skin, evidence.history, force_n, fitted, lambda share, text: report(None, text))
+    train = evidence.frames(fitted)
+    return VoltageProblem(train, family, linear, baseline.specimen, _cells(evidence, fitted), np.ones(len(fitted)))
 
 
 def _with_remainder(findings: Findings, selection: Selection, found: Predictions) -> Findings:

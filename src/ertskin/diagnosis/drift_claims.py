@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ertskin.diagnosis.claims import Claim
 from ertskin.diagnosis.selection import Selection
 from physics.effects.contact_drift import ContactDrift
+
+Array = NDArray[np.float64]
 
 MATERIAL = 1.03
 SURE = 0.85
@@ -14,18 +17,29 @@ SURE = 0.85
 
 
 def drift_claims(selection: Selection) -> list[Claim]:
-    """The drifts without which the readings would be off by more than ``MATERIAL``, each contact by itself."""
+    """The drifts, the largest first, until the others together are worth less than ``MATERIAL``."""
     drifts = [effect for effect in selection.after.effects if isinstance(effect, ContactDrift)]
     if not drifts:
         return []
     problem, solved = selection.problem, selection.after
     column = problem.contact_columns(problem.family.skin(solved.calibration, solved.effects))
-    time_s = problem.evidence.history.time_s
-    claims = []
-    for drift in drifts:
+    time_s, used = problem.evidence.history.time_s, problem.weight > 0
+
+    def off(drift: ContactDrift) -> Array:
         share = np.interp(time_s, drift.knot_s, drift.ohm) / solved.calibration.contact_ohm[drift.electrode]
-        wrong = column[..., drift.electrode] * share[:, None]
-        alone = float(np.sqrt(1 + (wrong[problem.weight > 0] ** 2).mean()))
-        if alone > MATERIAL:
-            claims.append(Claim(drift, SURE, alone, {}))
+        return np.asarray((column[..., drift.electrode] * share[:, None])[used])
+
+    parts = sorted(((off(drift), drift) for drift in drifts), key=lambda part: -_misfit(part[0]))
+    claims = []
+    left = np.sum([wrong for wrong, _ in parts], axis=0)
+    for wrong, drift in parts:
+        if _misfit(left) < MATERIAL:
+            break
+        claims.append(Claim(drift, SURE, _misfit(wrong), {}))
+        left = left - wrong
     return claims
+
+
+def _misfit(wrong: Array) -> float:
+    """Rms over noise of what would be off by this much."""
+    return float(np.sqrt(1 + (wrong**2).mean()))

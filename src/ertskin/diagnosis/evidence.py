@@ -20,6 +20,8 @@ STANDING = 0.01
 """Part of a channel's readings, taken for spikes, from which they are none."""
 TOP = 3e-3
 """Part of the readings among which a converter that bends is looked for."""
+HIGHEST = 50
+"""Values at the top of the readings from which an undeclared converter's step is taken."""
 LEAST_ODD = 1e-3
 """Part of a frame's readings, taken for spikes beyond the usual, from which the frame is odd."""
 LEAST_SIGNAL = 5.0
@@ -82,6 +84,12 @@ class Evidence:
         return np.asarray(rows - np.einsum("tk...,pk->tp...", along, axes))
 
     @property
+    def told_more(self) -> Array:
+        """(T,) root of a scan's numbers over those that ``traces`` leave."""
+        width = self.scan_v.shape[1]
+        return np.sqrt(width / (width - self.traces.any(axis=1).sum(axis=1)))
+
+    @property
     def leftover_ratio(self) -> float:
         """Rms over noise of what no network explains."""
         seen = self.leftover_v[self.leftover_v != 0]
@@ -99,6 +107,10 @@ def gather(recording: Recording) -> Evidence:
     if recording.frames is None or recording.sensor is None or recording.protocol is None:
         raise CannotTell("no frames with a sensor and a protocol: nothing to compare a skin's simulator with")
     history, protocol = recording.frames.history, recording.protocol
+    if not len(history):
+        raise CannotTell("no frames: the recording ended before its first scan")
+    if not history.contact_m.shape[1]:
+        raise CannotTell("frames name no contacts: where the skin was pressed is unknown")
     # Drifts count from the first frame, whatever clock the recording keeps.
     history = replace(history, time_s=history.time_s - history.time_s[0])
     voltage = np.asarray(recording.frames.voltage_v, dtype=float)
@@ -143,8 +155,7 @@ def gather(recording: Recording) -> Evidence:
         raise CannotTell("the readings at rest are hardly more than noise: check wiring, injected currents and units")
     force = history.force_n[rest]
     air = float(np.nanstd(force)) if np.isfinite(force).sum() > 3 else float("nan")
-    missing = spike.mean(axis=(1, 2)) < 0.5
-    scan[~missing] = np.nan
+    scan[spike.mean(axis=(1, 2)) >= 0.5] = np.nan
     return Evidence(
         recording.sensor,
         protocol,
@@ -237,11 +248,17 @@ def _leftover_noise_v(leftover: Array, spike: NDArray[np.bool_], rest: NDArray[n
     return float(robust_std(change[clean])) / np.sqrt(2)
 
 
+def _step_at_top(finite_v: Array) -> float:
+    """The smallest difference of the largest values there are: the converter's step, where it is a coarse one."""
+    top = np.unique(finite_v)[-HIGHEST:]
+    return max(float(np.diff(top).min()), 1e-9) if len(top) > 1 else 1e-9
+
+
 def _saturation(voltage_v: Array, protocol: Protocol) -> float | None:
     """The value at which readings pile up at the top of their range, if they do."""
     finite = voltage_v[np.isfinite(voltage_v)]
     top = float(finite.max())
-    step = protocol.adc_volts_per_count or 1e-9
+    step = protocol.adc_volts_per_count or _step_at_top(finite)
     piled = int((finite > top - 0.5 * step).sum())
     below = int(((finite <= top - 0.5 * step) & (finite > top - 50 * step)).sum())
     return top if piled > 20 and piled > 3 * max(below, 1) else None

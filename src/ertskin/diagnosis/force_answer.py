@@ -16,7 +16,7 @@ from ertskin.diagnosis.selection import Selection
 from ertskin.diagnosis.twins import told_apart
 from physics.effects.effect import FoamEffect
 
-Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
 
 WORTH = 1.03
 """Misfit over noise that a foam effect must leave, were it alone left out, to be claimed."""
@@ -34,19 +34,36 @@ class ForceAnswer:
     off: bool
 
 
-def force_answer(evidence: Evidence, baseline: Baseline, selection: Selection) -> ForceAnswer:
-    """The force stage's part of the diagnosis; ``selection`` tells how much of the force the sheet feels."""
+def force_answer(evidence: Evidence, baseline: Baseline, selection: Selection, held: Indices) -> ForceAnswer:
+    """The force stage's part of the diagnosis, judged on the frames ``held`` (n,).
+
+    ``selection`` tells how much of the force the sheet feels.
+    """
     plain, best = baseline.force_plain, baseline.force_best
     if plain is None or best is None:
         return ForceAnswer((), None, None, off=_off(evidence, baseline))
     noise = baseline.force_noise.rms_n
-    before, after = (float(np.sqrt(np.nanmean(f.residual**2)) * noise) for f in (plain, best))
+    before, after = (_predicted_n(evidence, baseline, fit, held) for fit in (plain, best))
     claims = [_felt(_claim(evidence, baseline, best, effect), selection) for effect in best.effects]
     claims = [claim for claim in claims if claim.ratio_alone > WORTH]
     off = _off(evidence, baseline)
     if off:
         claims = left_over_of_force(claims, before / noise, after / noise)
     return ForceAnswer(tuple(claims), before, after, off)
+
+
+def _predicted_n(evidence: Evidence, baseline: Baseline, fit: ForceFit, held: Indices) -> float:
+    """Rms in newton by which the fit's effects, fitted again without the presses held out, miss their forces."""
+    press = evidence.history.press
+    again = fit_force(_data(evidence, baseline, fit), fit.effects, ~np.isin(press, press[held]), start=fit)
+    seen = again.residual[held]
+    whole = seen if np.isfinite(seen).any() else fit.residual
+    return float(np.sqrt(np.nanmean(whole**2)) * baseline.force_noise.rms_n)
+
+
+def _data(evidence: Evidence, baseline: Baseline, fit: ForceFit) -> ForceData:
+    thickness_m = evidence.sensor.layers[0].thickness_m
+    return ForceData(evidence.history, baseline.force_noise.rms_n, fit.support_n_per_m, SUPPORT_SHARE, thickness_m)
 
 
 def _off(evidence: Evidence, baseline: Baseline) -> bool:
@@ -74,8 +91,7 @@ def _felt(claim: Claim, selection: Selection) -> Claim:
 
 def _claim(evidence: Evidence, baseline: Baseline, best: ForceFit, effect: FoamEffect) -> Claim:
     """The fit without this effect, and with each other foam effect in its stead."""
-    thickness_m = evidence.sensor.layers[0].thickness_m
-    data = ForceData(evidence.history, baseline.force_noise.rms_n, best.support_n_per_m, SUPPORT_SHARE, thickness_m)
+    data = _data(evidence, baseline, best)
     rest = [e for e in best.effects if e.name != effect.name]
     count = int(np.isfinite(best.residual).sum())
     without = fit_force(data, rest, start=best)

@@ -19,23 +19,27 @@ MOST_FRAMES = 900
 def fitted_and_held(evidence: Evidence) -> tuple[Indices, Indices]:
     """Frames fitted, at most about ``MOST_FRAMES``, and frames held out: of any three presses on end, one at random.
 
+    Held out are frames with a press in them: those in air all had their part in the calibration at rest.
     Every third press would be whole columns of a grid, and often its edge: places that no fit has seen at all.
     Raises ``CannotTell`` where there are fewer than three presses.
     """
     usable = np.isfinite(evidence.scan_v).all(axis=1) & _placed(evidence)
     history = evidence.history
-    touching = np.unique(history.press[history.touched.any(axis=1) & usable])
+    touched = history.touched.any(axis=1)
+    touching = np.unique(history.press[touched & usable])
     if len(touching) < 3:
         raise CannotTell(f"{len(touching)} press{'es' if len(touching) != 1 else ''}: nothing is left to predict")
     draw = np.random.default_rng(SPLIT_SEED).integers(0, 3, size=len(touching) // 3)
     out = np.isin(history.press, touching[3 * np.arange(len(draw)) + draw])
-    return thinned(history, np.flatnonzero(usable & ~out), MOST_FRAMES), np.flatnonzero(usable & out)
+    return thinned(history, np.flatnonzero(usable & ~out), MOST_FRAMES), np.flatnonzero(usable & out & touched)
 
 
 def _placed(evidence: Evidence) -> NDArray[np.bool_]:
-    """(T,) frames whose contacts are known, rest frames among them."""
-    known = np.asarray(np.isfinite(evidence.history.contact_m).all(axis=-1))
-    return np.asarray(known.any(axis=1) | evidence.rest)
+    """(T,) frames whose contacts are known, with a force or a depth for each; rest frames among them."""
+    history = evidence.history
+    known = np.asarray(np.isfinite(history.contact_m).all(axis=-1))
+    driven = np.isfinite(history.force_n) | np.isfinite(history.depth_m) | ~history.touched
+    return np.asarray((known.any(axis=1) & driven.all(axis=1)) | evidence.rest)
 
 
 def thinned(history: History, rows: Indices, most: int) -> Indices:

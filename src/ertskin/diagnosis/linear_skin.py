@@ -79,7 +79,7 @@ class LinearSkin:
         self._whitening = whitening_of_transfer(skin.protocol)
         self._contact = skin.contact_m(history.contact_m)
         self._regime: tuple[object, tuple[Effect, ...], object] = (None, (), None)
-        self._pressures: dict[tuple[object, ...], Array] = {}
+        self._pressures: dict[tuple[bytes, bytes], Array] = {}
         self._still: tuple[Skin, Array, Array] | None = None
         self._moving: tuple[Skin, Array, list[Array]] | None = None
         self._rims = PadRims(skin.sheet)
@@ -387,7 +387,7 @@ class LinearSkin:
     def _pressure(self, skin: Skin, force_n: Array, position_m: Array, frames: Indices) -> Array:
         """Pressures (n,N), remembered for the latest pressure field, mechanics and forces."""
         self._settle_regime(skin, force_n)
-        key = (position_m.shape, float(position_m.sum()), len(frames), int(frames.sum()))
+        key = (position_m.tobytes(), frames.tobytes())
         found = self._pressures.get(key)
         if found is None:
             contact = skin.contact_m(self.history.contact_m[frames])

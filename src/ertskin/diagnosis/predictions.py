@@ -13,6 +13,7 @@ from ertskin.diagnosis.claims import MATERIAL_RATIO
 from ertskin.diagnosis.evidence import Evidence
 from ertskin.diagnosis.selection import Selection
 from ertskin.diagnosis.skin_family import SkinFamily
+from ertskin.diagnosis.voltage_fit import Solved
 from physics.skin import Skin
 
 Array = NDArray[np.float64]
@@ -42,17 +43,14 @@ class Predictions:
 
 
 def predictions(
-    evidence: Evidence, baseline: Baseline, selection: Selection, family: SkinFamily, held: Indices
+    evidence: Evidence, baseline: Baseline, plain: Solved, selection: Selection, family: SkinFamily, held: Indices
 ) -> Predictions:
-    """Each frame held out solved exactly, without and with what was named."""
-    plain_force = baseline.force_n
-    if baseline.force_plain is not None and baseline.force_best is not None and baseline.force_best.effects:
-        plain_force = np.where(evidence.history.touched, baseline.force_plain.force_n, 0.0)
-    before = family.skin(selection.before.calibration, ())
+    """Each frame held out solved exactly: by ``plain``, calibrated without any effect, and with what was named."""
+    before = family.skin(plain.calibration, ())
     after = family.remeshed(selection.after.calibration, selection.after.effects)
     return Predictions(
         held,
-        _residual(evidence, before, plain_force, held),
+        _residual(evidence, before, baseline.plain_force_n, held),
         _residual(evidence, after, baseline.force_n, held),
     )
 
@@ -73,7 +71,10 @@ def unspoilt(
 def _residual(evidence: Evidence, skin: Skin, force_n: Array, held: Indices) -> Array:
     readings = skin.readings_v(evidence.history, force_n, held)
     scans = readings.reshape(len(held), -1) @ evidence.protocol.orthonormal
-    return evidence.frames(held).discounted((evidence.scan_v[held] - scans) / evidence.noise_v)
+    here = evidence.frames(held)
+    residual = here.discounted((evidence.scan_v[held] - scans) / evidence.noise_v)
+    # Directions that say nothing are noughts: over what is left, noise is to be one.
+    return residual * here.told_more[:, None]
 
 
 def ratio(residual: Array) -> float:

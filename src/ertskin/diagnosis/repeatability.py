@@ -57,7 +57,10 @@ def repeatability(
     (n,2) say which press a frame belongs to and where that was meant to be.
     """
     here = scans(skin, force_n)
-    moved = [(scans(_shifted(skin, key), force_n) - here) / STEP_M for key in ("dx_m", "dy_m")]
+    moved = []
+    for key in ("dx_m", "dy_m"):
+        other, step_m = _shifted(skin, key)
+        moved.append((scans(other, force_n) - here) / step_m)
     harder = (scans(skin, (1 + STEP) * force_n) - here) / STEP
     columns = np.stack([*moved, harder], axis=-1)
     numbers, first = np.unique(press, return_index=True)
@@ -80,10 +83,13 @@ def repeatability(
     )
 
 
-def _shifted(skin: Skin, key: str) -> Skin:
+def _shifted(skin: Skin, key: str) -> tuple[Skin, float]:
+    """The skin with its indenter elsewhere by a step in metres, away from the bound."""
     others = [e for e in skin.effects if not isinstance(e, IndenterOffset)]
     offset = next((e for e in skin.effects if isinstance(e, IndenterOffset)), IndenterOffset())
-    return replace(skin, effects=(*others, offset.changed({key: getattr(offset, key) + STEP_M})))
+    here_m = float(getattr(offset, key))
+    step_m = STEP_M if here_m + STEP_M <= offset.parameters()[key].high else -STEP_M
+    return replace(skin, effects=(*others, offset.changed({key: here_m + step_m}))), step_m
 
 
 def _between_repeats(value: Array, place_m: Array) -> float:

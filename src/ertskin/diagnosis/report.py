@@ -103,7 +103,7 @@ def _claims(claims: tuple[Claim, ...]) -> str:
             f"<tr><td><b>{name}</b><br>{claim.effect.stage}</td><td>{claim.confidence:.2f}</td>"
             f"<td>{claim.ratio_alone:.3g}</td><td>{values}</td><td>{rivals}</td></tr>"
         )
-    head = "<tr><th>effect</th><th>confidence</th><th>misfit without it</th><th>parameters, 90 %</th><th>else</th></tr>"
+    head = "<tr><th>effect</th><th>confidence</th><th>misfit it makes</th><th>parameters, 90 %</th><th>else</th></tr>"
     sources = "".join(
         f"<li>{c.effect.name}: {html.escape((type(c.effect).__doc__ or '').splitlines()[0].replace('``', ''))} "
         f"<i>{html.escape(c.effect.source)}</i></li>"

@@ -53,7 +53,7 @@ Problem = Callable[[Solved | None], VoltageProblem]
 class Chosen:
     """A selected term: what the fit loses without it and what the best other candidate gains in its stead.
 
-    ``ratio_alone``: rms over noise on frames held out if this term alone is left out.
+    ``ratio_alone``: rms over noise that this term by itself would make, on frames held out.
     """
 
     term: Term
@@ -375,7 +375,9 @@ def _backward(
             if loss < max(SIGNIFICANT, material_cost(frames, score)) and (dropped is None or loss < dropped[0]):
                 dropped = (loss, without)
             term = current.terms[k]
-            alone = float(np.sqrt(1 + 2 * max(loss, 0.0) / frames))
+            # The instrument's terms gain in every reading, the others in the pairs.
+            width = problem.evidence.protocol.orthonormal.shape[0 if term.effect.stage == Stage.ACQUISITION else 1]
+            alone = float(np.sqrt(1 + 2 * max(loss, 0.0) / (frames * width / problem.evidence.scan_v.shape[1])))
             chosen.append(Chosen(term, loss, alone, stand.get(_key(term), ())))
         if dropped is None:
             return tuple(chosen), current

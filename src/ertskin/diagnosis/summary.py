@@ -26,7 +26,7 @@ def print_summary(console: Console, diagnosis: Diagnosis) -> None:
         console.print(in_words(diagnosis.presses_differ), highlight=False)
     if not diagnosis.claims:
         return
-    table = Table("effect", "confidence", "ratio without it", "parameters (90 %)")
+    table = Table("effect", "confidence", "misfit it makes", "parameters (90 %)")
     for claim, name in gathered(diagnosis.claims):
         words = ", ".join(
             f"{k} {e.value:.4g} [{e.low:.4g}, {e.high:.4g}] {e.unit}" for k, e in claim.parameters.items()

@@ -69,7 +69,7 @@ class Term:
 class Solved:
     """A joint fit: its terms at their best values, the calibration, the quadratic about it.
 
-    ``cells`` (C,) half chi-squares by cell; parameters in the order calibration, then the terms' free ones.
+    ``scan_residual`` (T,P) in units of the noise; parameters in the order calibration, then the terms' free ones.
     """
 
     calibration: Calibration
