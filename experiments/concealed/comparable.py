@@ -23,11 +23,6 @@ def _anisotropy(hidden: dict[str, Any]) -> dict[str, float]:
     return {"stretch_x": stretch * np.cos(angle), "stretch_diagonal": stretch * np.sin(angle)}
 
 
-def _relaxation(hidden: dict[str, Any]) -> dict[str, float]:
-    gone = sum(hidden["shares"])
-    return {"total_fraction": gone / (1.0 - gone)}
-
-
 _FORM_FREE = {
     "channel_gain": lambda hidden: {"gain": hidden["gain"], "offset_v": hidden["offset_v"]},
     "crosstalk": lambda hidden: {"fraction": hidden["share"]},
@@ -38,6 +33,5 @@ _FORM_FREE = {
         "rotation_rad": hidden["turn_rad"],
     },
     "sheet_anisotropy": _anisotropy,
-    "viscoelastic_foam": _relaxation,
     "temperature_drift": lambda hidden: {"rate_per_h": 3600.0 * hidden["final_share"] / hidden["settle_s"]},
 }

@@ -13,6 +13,7 @@ from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(variable, "1")
@@ -79,6 +80,7 @@ def _misdescribed(sensor: Sensor) -> Sensor:
 
 def generate(cases: list[Case], out: Path, jobs: int) -> Iterator[str]:
     """Write what is not there yet; yields the names as they get done."""
+    _settle_what(cases, out)
     missing = [case for case in cases if not (out / "recordings" / f"{case.name}.seal.json").exists()]
     with ProcessPoolExecutor(max_workers=jobs) as pool:
         pending = {pool.submit(write_case, case, out): case.name for case in missing}
@@ -88,13 +90,32 @@ def generate(cases: list[Case], out: Path, jobs: int) -> Iterator[str]:
     _list_seals(out)
 
 
+def _settle_what(cases: list[Case], out: Path) -> None:
+    """Raises ``SystemExit`` where the folder holds cases of another seed, size or plan; else notes these."""
+    noted = out / "cases.json"
+    known = json.loads(noted.read_text()) if noted.exists() else {}
+    here = {case.name: [case.seed, case.kind, case.plan] for case in cases}
+    other = sorted(name for name, what in here.items() if known.get(name, what) != what)
+    if other:
+        raise SystemExit(
+            f"{out} holds other cases by these names ({other[0]}, …): another seed, size or plan; use another folder"
+        )
+    out.mkdir(parents=True, exist_ok=True)
+    _write_json(noted, known | here)
+
+
+def _write_json(path: Path, content: dict[str, Any]) -> None:
+    """Aside, under a name of its own for processes side by side, then renamed."""
+    aside = path.with_name(f"{path.name}.{os.getpid()}.part")
+    aside.write_text(json.dumps(content, indent=1, sort_keys=True) + "\n")
+    os.replace(aside, path)
+
+
 def _list_seals(out: Path) -> None:
     """One file with every commitment: publish this before anything is diagnosed."""
     seals = sorted((out / "recordings").glob("*.seal.json"))
     listed = {path.name.split(".")[0]: json.loads(path.read_text())["sha256"] for path in seals}
-    aside = out / "seals.json.part"
-    aside.write_text(json.dumps(listed, indent=1, sort_keys=True) + "\n")
-    os.replace(aside, out / "seals.json")
+    _write_json(out / "seals.json", listed)
 
 
 def main() -> int:

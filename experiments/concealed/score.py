@@ -16,18 +16,20 @@ from typing import Any
 
 import numpy as np
 from scipy.stats import beta
-from verdicts import CONFIDENT, DiagnosisError, Judged, open_case
+from verdicts import CONFIDENT, LIKELY, DiagnosisError, Judged, open_case
 
 from hardware.virtual.bench.sealing import SealError
 
 Number = float | None
 BINS = (0.0, 0.5, 0.7, 0.8, 0.9, 0.95, 1.0)
 FIRST_COLUMNS = ("no_mismatch", "unexplained", "cannot_tell")
+MATERIAL = 1.05
+"""Held-out ratio above which a mismatch is reported."""
 STRENGTHS = ((1.0, 1.075), (1.075, 1.3), (1.3, 2.0), (2.0, np.inf))
 
 
-def share(cases: Iterable[Judged], right: Callable[[Judged], bool]) -> dict[str, Number]:
-    """How many of the cases, as a share with a Clopper-Pearson interval of 95 %; null where there is none."""
+def share(cases: Iterable[Any], right: Callable[[Any], bool]) -> dict[str, Number]:
+    """How many of the cases or claims, as a share with a Clopper-Pearson interval of 95 %; null where there is none."""
     marks = [bool(right(case)) for case in cases]
     hits, count = sum(marks), len(marks)
     if not count:
@@ -55,7 +57,7 @@ def electrode_scores(cases: Sequence[Judged]) -> dict[str, Any]:
 
 def reliability(cases: Sequence[Judged]) -> list[dict[str, Number]]:
     """Claims by confidence: how many there are, their mean confidence, and how many of them are right."""
-    claims = [(one["confidence"], one["name"] in case.truth.effects) for case in cases for one in case.claims]
+    claims = [(one["confidence"], case.is_right(one)) for case in cases for one in case.claims]
     table = []
     for low, high in pairwise(BINS):
         inside = [(c, right) for c, right in claims if low <= c < high or (high == 1.0 and c == 1.0)]
@@ -90,6 +92,7 @@ def score(cases: Sequence[Judged], recorded: int) -> dict[str, Any]:
     several = [case for case in cases if len(case.listed) > 1]
     unlisted = [case for case in cases if case.truth.effects and not case.listed]
     named = [case for case in single + several if case.top_right]
+    seen = [case for case in named if case.held_out("ratio_before") > MATERIAL]
     hidden = [case for case in cases if not case.is_null and case.kind != "blind"]
     distances = [case.distance_m for case in cases if case.distance_m is not None]
     return {
@@ -104,6 +107,8 @@ def score(cases: Sequence[Judged], recorded: int) -> dict[str, Any]:
         },
         "set": share(single, lambda case: case.set_right),
         "all_found": share(several, lambda case: case.all_found),
+        "all_likely": share(several, lambda case: case.all_likely),
+        "likely_right": share([mark for case in cases for mark in case.likely], bool),
         "twins_top_one": share([c for c in single if c.kind == "twin"], lambda case: case.top_right),
         "behind_all_found": share([c for c in several if c.kind == "concealed"], lambda case: case.all_found),
         "unlisted_unexplained": share(unlisted, lambda c: c.verdict in ("unexplained", "partly_explained")),
@@ -111,7 +116,8 @@ def score(cases: Sequence[Judged], recorded: int) -> dict[str, Any]:
         "abstention": share(hidden, lambda case: not case.claims),
         "ratio_before": median(case.held_out("ratio_before") for case in hidden),
         "ratio_after": median(case.held_out("ratio_after") for case in hidden),
-        "ratio_after_low": share(named, lambda case: case.held_out("ratio_after") <= 1.05),
+        "ratio_after_low": share(named, lambda case: case.held_out("ratio_after") <= MATERIAL),
+        "ratio_after_low_seen": share(seen, lambda case: case.held_out("ratio_after") <= MATERIAL),
         "electrode": electrode_scores(cases),
         "distance_m": median(distances),
         "parameters": parameter_scores(cases),
@@ -146,6 +152,8 @@ def rows(one: dict[str, Any]) -> list[tuple[str, str]]:
     lines += [
         ("true name in the set", _percent(one["set"])),
         ("compounds: all found", _percent(one["all_found"])),
+        (f"compounds: all found at {LIKELY:g} or more", _percent(one["all_likely"])),
+        (f"names at {LIKELY:g} or more that are right", _percent(one["likely_right"])),
         ("behind a stronger effect: all found", _percent(one["behind_all_found"])),
         ("near-twins: top name right", _percent(one["twins_top_one"])),
         ("in no list: unexplained or partly", _percent(one["unlisted_unexplained"])),
@@ -153,7 +161,8 @@ def rows(one: dict[str, Any]) -> list[tuple[str, str]]:
         ("names nothing though something is hidden", _percent(one["abstention"])),
         ("held-out ratio before, median", _number(one["ratio_before"])),
         ("held-out ratio after, median", _number(one["ratio_after"])),
-        ("held-out ratio after at most 1.05, right names", _percent(one["ratio_after_low"])),
+        (f"held-out ratio after at most {MATERIAL:g}, right names", _percent(one["ratio_after_low"])),
+        (f"the same, where it was above {MATERIAL:g} before", _percent(one["ratio_after_low_seen"])),
         ("electrode F1", _number(one["electrode"]["f1"])),
         ("wrong electrode", _percent(one["electrode"]["wrong"])),
         ("place, median error (mm)", _number(one["distance_m"], 1e3)),

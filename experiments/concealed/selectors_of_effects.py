@@ -13,6 +13,7 @@ from scipy.stats import chi2
 from scipy.stats import f as f_distribution
 
 from ertskin.diagnosis.candidates import Candidate, screen
+from ertskin.diagnosis.claims import Rival
 from ertskin.diagnosis.selection import MOST_TERMS, Chosen, Selection
 from ertskin.diagnosis.skin_family import Calibration
 from ertskin.diagnosis.voltage_fit import Solved, Term, VoltageProblem
@@ -44,7 +45,7 @@ def by_aic(
         best = min(found, key=_aic, default=current)
         if _aic(best) >= _aic(current):
             break
-        chosen.append(Chosen(best.terms[-1], current.cost - best.cost, _alone(problem, current), ()))
+        chosen.append(Chosen(best.terms[-1], current.cost - best.cost, _alone(problem, current), _rivals(best, found)))
         problem = build(best)
         current = problem.solve(best.terms, best.calibration)
     kept = tuple(replace(c, term=t) for c, t in zip(chosen, current.terms[len(fixed) :], strict=True))
@@ -87,9 +88,8 @@ def by_lisdd(
         return Selection(whole, whole, (), problem, ())
     problem = build(problem.solve(best.terms, best.calibration))
     after = problem.solve(best.terms, best.calibration)
-    return Selection(
-        whole, after, (Chosen(after.terms[-1], whole.cost - after.cost, _alone(problem, whole), ()),), problem, ()
-    )
+    won = Chosen(after.terms[-1], whole.cost - after.cost, _alone(problem, whole), _rivals(best, trials))
+    return Selection(whole, after, (won,), problem, ())
 
 
 def _one_of_each(found: Sequence[Candidate], most: int) -> list[Candidate]:
@@ -101,6 +101,12 @@ def _one_of_each(found: Sequence[Candidate], most: int) -> list[Candidate]:
 def _joined(problem: VoltageProblem, current: Solved, candidate: Candidate) -> Solved:
     instrument = candidate.term.effect.stage == "acquisition"
     return problem.solve([*current.terms, candidate.term], current.calibration, steps=5, leftover=instrument)
+
+
+def _rivals(best: Solved, found: Sequence[Solved]) -> tuple[Rival, ...]:
+    """The other candidates, by what their criterion falls short of the best one's."""
+    others = [one for one in found if one is not best]
+    return tuple(Rival(one.terms[-1].effect, 0.5 * (_aic(one) - _aic(best))) for one in others)
 
 
 def _aic(solved: Solved) -> float:

@@ -14,7 +14,11 @@ from hardware.virtual.bench import EFFECTS, Truth
 from hardware.virtual.bench.sealing import unseal
 
 CONFIDENT = 0.9
+LIKELY = 0.5
 VERDICTS = ("no_mismatch", "explained", "partly_explained", "unexplained", "cannot_tell")
+
+
+NO_ANSWER = {"format": "ertskin-diagnosis", "format_version": 1, "verdict": "cannot_tell", "effects": []}
 
 
 class DiagnosisError(ValueError):
@@ -65,19 +69,28 @@ class Judged:
         """Its row in the confusion matrix: the one effect it hides, or its class."""
         return next(iter(self.truth.effects)) if len(self.truth.effects) == 1 else self.kind
 
+    def is_right(self, claim: dict[str, Any]) -> bool:
+        """Whether the effect claimed is in the skin, at the electrode or channel where it is said to be."""
+        hidden = self.truth.parameters(claim["name"])
+        if hidden is None:
+            return False
+        stated = claim.get("parameters") or {}
+        return all(stated[k]["value"] == hidden[k] for k in ("electrode", "channel") if k in stated and k in hidden)
+
     @property
     def confident_wrong(self) -> list[str]:
-        """Names claimed at ``CONFIDENT`` or more that are not in the skin."""
-        return [
-            one["name"]
-            for one in self.claims
-            if one["confidence"] >= CONFIDENT and one["name"] not in self.truth.effects
-        ]
+        """Names claimed at ``CONFIDENT`` or more that are not in the skin, or not there."""
+        return [one["name"] for one in self.claims if one["confidence"] >= CONFIDENT and not self.is_right(one)]
+
+    @property
+    def likely(self) -> list[bool]:
+        """Of each claim at ``LIKELY`` or more, whether it is right."""
+        return [self.is_right(one) for one in self.claims if one["confidence"] >= LIKELY]
 
     @property
     def top_right(self) -> bool:
         """The most confident name is right."""
-        return bool(self.claims) and self.claims[0]["name"] in self.truth.effects
+        return bool(self.claims) and self.is_right(self.claims[0])
 
     @property
     def set_right(self) -> bool:
@@ -89,7 +102,13 @@ class Judged:
     @property
     def all_found(self) -> bool:
         """Every hidden name is claimed outright."""
-        return bool(self.listed) and set(self.listed) <= {one["name"] for one in self.claims}
+        return bool(self.listed) and set(self.listed) <= {one["name"] for one in self.claims if self.is_right(one)}
+
+    @property
+    def all_likely(self) -> bool:
+        """Every hidden name is claimed, each at ``LIKELY`` or more."""
+        likely = {one["name"] for one in self.claims if self.is_right(one) and one["confidence"] >= LIKELY}
+        return bool(self.listed) and set(self.listed) <= likely
 
     @property
     def own_ratio(self) -> float:
@@ -138,15 +157,16 @@ class Judged:
 
 
 def open_case(name: str, out: Path, method: str) -> Judged | None:
-    """The case and its diagnosis, ``None`` where the method has not diagnosed it.
+    """The case and its diagnosis, ``None`` where the method has not been tried on it.
 
+    A method that was tried and gave none has named nothing.
     Raises ``SealError`` for a truth that was changed, ``DiagnosisError`` for a diagnosis that breaks the contract.
     """
     path = out / "diagnoses" / method / name / "diagnosis.json"
-    if not path.exists():
+    if not path.parent.exists():
         return None
     try:
-        diagnosis = json.loads(path.read_text())
+        diagnosis = json.loads(path.read_text()) if path.exists() else NO_ANSWER
     except ValueError as error:
         raise DiagnosisError(f"{path}: not JSON ({error})") from error
     for key, expected in (("format", "ertskin-diagnosis"), ("format_version", 1)):

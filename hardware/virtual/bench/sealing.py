@@ -1,7 +1,8 @@
 """Truths sealed before anyone looks: a commitment beside the recording, the truth elsewhere, opened by the score.
 
-The commitment is SHA-256 of nonce and truth. The nonce keeps a guesser from trying truths against it; both lie in the
-truth's file, so that whoever opens it can check that nothing was changed after the recording was handed over.
+The commitment is SHA-256 of nonce and truth. The nonce keeps those who don't know the suite's seed from trying truths
+against it; both lie in the truth's file, so that whoever opens it can check that nothing was changed after the
+recording was handed over.
 """
 
 from __future__ import annotations

@@ -92,6 +92,8 @@ class Ruler:
             if strength >= _STRONGEST and step > 1.0:
                 break
             strength = float(min(strength * np.clip(step, 0.02, 8.0), _STRONGEST))
+        else:
+            reached = self.measure({name: strength})
         return strength, reached
 
     def _run(self, truth: Truth, history: History) -> tuple[Array, History]:

@@ -39,7 +39,6 @@ class Baseline:
     force_n: Array
     specimen: SpecimenSignal
     specimen_findings: tuple[SpecimenFinding, ...]
-    rest_ratio: float
     displaced: ElectrodeDisplacement | None
     noise: Noise
     traces: Array
@@ -94,7 +93,6 @@ def calibrated(recording: Recording, evidence: Evidence, resolution: str = "fine
         force_n=force,
         specimen=signal,
         specimen_findings=tuple(findings),
-        rest_ratio=at_rest.misfit,
         displaced=displaced,
         noise=at_rest.noise,
         traces=at_rest.traces,

@@ -40,7 +40,7 @@ class Evidence:
     """T frames reduced.
 
     ``scan_v`` (T,P) whitened scans, spikes left out; ``leftover_v`` (T,K,M) what no resistor network gives, zero at
-    spikes; ``spike_fraction`` of the readings; ``leftover_noise_v`` noise of a reading by what no network explains,
+    spikes; ``leftover_noise_v`` noise of a reading by what no network explains,
     ``noise_v`` the same of a whitened scan's numbers: equal unless the noise is coloured; ``air_n`` of the load cell;
     ``leftover_share`` part of white noise's variance that no network explains, over the readings there are.
     ``stray`` (P,k): directions, one standard deviation long in units of the noise, in which rest frames scatter more;
@@ -52,7 +52,6 @@ class Evidence:
     history: History
     scan_v: Array
     leftover_v: NDArray[np.float32]
-    spike_fraction: float
     noise_v: float
     leftover_noise_v: float
     air_n: float
@@ -162,7 +161,6 @@ def gather(recording: Recording) -> Evidence:
         history,
         scan,
         leftover.astype(np.float32),
-        float(spike.mean()),
         max(core, quantum),
         max(core, quantum),
         air,

@@ -19,10 +19,6 @@ class Quadratic:
     gradient: Array
     hessian: Array
 
-    def without(self, fold: int) -> tuple[Array, Array]:
-        """Gradient (n,) and Hessian (n,n) of all other folds."""
-        return self.gradient.sum(axis=0) - self.gradient[fold], self.hessian.sum(axis=0) - self.hessian[fold]
-
 
 @dataclass(frozen=True, eq=False)
 class Fit:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2, norm
 
-from physics.history import History, Phase
+from physics.history import History
 from physics.protocol import Protocol
 
 Array = NDArray[np.float64]
@@ -87,16 +87,17 @@ def _groups(
 
 def _electrodes(residual: Array, protocol: Protocol) -> AxisTest:
     """Misfit of the readings at each electrode (as reader), against the median electrode."""
-    if protocol.shape[1] != protocol.electrodes:
+    # A column of readings is an electrode only where each is taken at one, against the sink.
+    if protocol.shape[1] != protocol.electrodes or not _reads_single_electrodes(protocol):
         return AxisTest("electrode", (), (), 1.0)
     basis = protocol.orthonormal.reshape(*protocol.shape, -1)
-    ratio = []
+    ratio, freedom = [], np.inf
     for electrode in range(protocol.electrodes):
         part = basis[:, electrode]
         expected = float((part**2).sum())
         ratio.append(float(np.sqrt(((residual @ part.T) ** 2).sum() / (expected * len(residual)))))
+        freedom = min(freedom, expected**2 / float(((part @ part.T) ** 2).sum()) * max(len(residual), 1))
     squares = np.array(ratio) ** 2
-    freedom = max(len(residual), 1) * 20
     score = (squares.max() - np.median(squares)) / (np.sqrt(2.0 / freedom) * max(np.median(squares), 1e-9))
     return AxisTest(
         "electrode",
@@ -106,6 +107,7 @@ def _electrodes(residual: Array, protocol: Protocol) -> AxisTest:
     )
 
 
-def phase_name(phase: int) -> str:
-    """The phase in words."""
-    return Phase(phase).name.lower()
+def _reads_single_electrodes(protocol: Protocol) -> bool:
+    """Whether every column of readings is one electrode's, in its turn, against electrodes that change."""
+    usual = np.abs(protocol.measurement).mean(axis=0) > 0.5
+    return bool(np.array_equal(usual, np.eye(protocol.electrodes, dtype=bool)))

@@ -9,7 +9,7 @@ import pytest
 
 from ertskin.diagnosis.any_recording import diagnose_any
 from ertskin.diagnosis.claims import Diagnosis
-from hardware.recording import Recording, read_recording
+from hardware.recording import Recording, RigidBlock, read_recording
 from hardware.virtual.bench import FAST, write_bench
 
 
@@ -28,6 +28,12 @@ def some_frames(recording: Recording, rows: np.ndarray) -> Recording:
     return replace(recording, frames=chosen)
 
 
+def with_history(recording: Recording, **changed: np.ndarray) -> Recording:
+    assert recording.frames is not None
+    history = replace(recording.frames.history, **changed)  # type: ignore[arg-type]
+    return replace(recording, frames=replace(recording.frames, history=history))
+
+
 def reading(recording: Recording, voltage_v: np.ndarray) -> Recording:
     assert recording.frames is not None
     return replace(recording, frames=replace(recording.frames, voltage_v=voltage_v, adc_count=None))
@@ -42,6 +48,17 @@ def test_what_is_missing_is_said(recording: Recording) -> None:
     assert frames is not None
     voltage, phase, press = np.asarray(frames.voltage_v, dtype=float), frames.history.phase, frames.history.press
     cases = {
+        "no frames": some_frames(recording, np.zeros(0, dtype=int)),
+        "no contacts": with_history(
+            recording,
+            contact_m=np.zeros((len(phase), 0, 2)),
+            depth_m=np.zeros((len(phase), 0)),
+            force_n=np.zeros((len(phase), 0)),
+        ),
+        "rigid block": replace(
+            recording, rigid_block=RigidBlock(np.array([0.0, 1e-3, 2e-3]), np.array([3.0, 2.0, 1.0]))
+        ),
+        "no protocol": replace(recording, protocol=None),
         "no rest frames": some_frames(recording, np.flatnonzero(phase != 0)),
         "1 press:": some_frames(recording, np.flatnonzero(press == press[len(press) // 2])),
         "specimen": replace(recording, specimen=None),

@@ -12,6 +12,7 @@ from ertskin.diagnosis.evidence import (
     _freedom,
     _leftover_noise_v,
     _presses_restored,
+    _saturation,
 )
 from physics.protocol import Protocol, electrode_pairs
 from physics.spikes import despiked
@@ -122,3 +123,13 @@ def test_a_dead_channel_leaves_the_noise_as_it_is(protocol: Protocol) -> None:
     freedom = _freedom(protocol, np.isfinite(voltage).all(axis=0))
     leftover = np.where(spike, 0.0, voltage - fitted) / np.sqrt(np.maximum(freedom, 0.05))
     assert _leftover_noise_v(leftover, spike, np.ones(FRAMES, dtype=bool)) == pytest.approx(NOISE_V, rel=0.02)
+
+
+def test_a_coarse_converter_that_names_no_step_is_not_saturated(protocol: Protocol) -> None:
+    step_v = 5 * NOISE_V
+    coarse = step_v * np.round(readings(protocol, 6) / step_v)
+    assert (coarse == coarse.max()).sum() > 1
+    repeated = np.repeat(coarse, 30, axis=0)
+    assert _saturation(repeated, protocol) is None
+    limit = float(np.quantile(repeated, 0.5))
+    assert _saturation(np.minimum(repeated, limit), protocol) == limit

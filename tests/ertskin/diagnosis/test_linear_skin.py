@@ -105,7 +105,6 @@ def test_contact_derivatives_are_those_of_where_the_fit_is(skin: Skin, linear: L
         history=linear.history,
         scan_v=np.zeros((frames, pairs)),
         leftover_v=np.zeros((frames, *skin.protocol.shape), dtype=np.float32),
-        spike_fraction=0.0,
         noise_v=NOISE_V,
         leftover_noise_v=NOISE_V,
         air_n=0.01,

@@ -103,6 +103,48 @@ def test_places_electrodes_and_intervals_are_held_to_the_truth(tmp_path: Path):
     assert result["parameters"]["median_error"] == pytest.approx(0.1)
 
 
+def test_the_right_name_at_the_wrong_channel_is_wrong(tmp_path: Path):
+    from score import score
+    from verdicts import open_case
+
+    channel = draw_truth(nominal_sensor(), 7, {"channel_gain": 1.0}).effects["channel_gain"]["parameters"]["channel"]
+    beside = named(("channel_gain", 0.95))
+    beside["effects"][0]["parameters"] = {"channel": {"value": (channel + 1) % 24}}
+    hide(tmp_path, "c0", "single", {"channel_gain": 1.0}, beside)
+    result = score([open_case("c0", tmp_path, "ours")], 1)
+    assert result["confident_wrong"] == {"c0": ["channel_gain"]}
+    assert result["top_one"]["1.3 to 2"]["share"] == 0.0
+    assert result["likely_right"]["share"] == 0.0
+
+
+def test_a_method_that_gave_no_answer_has_named_nothing(tmp_path: Path):
+    from score import score
+    from verdicts import open_case
+
+    hide(tmp_path, "c0", "single", {"crosstalk": 1.0}, None)
+    assert open_case("c0", tmp_path, "ours") is None
+    (tmp_path / "diagnoses" / "ours" / "c0").mkdir(parents=True)
+    result = score([open_case("c0", tmp_path, "ours")], 1)
+    assert result["top_one"]["1.3 to 2"] == {
+        "hits": 0,
+        "count": 1,
+        "share": 0.0,
+        "low": 0.0,
+        "high": pytest.approx(0.975),
+    }
+
+
+def test_a_folder_takes_cases_of_one_suite_only(tmp_path: Path):
+    from cases import suite
+    from generate import generate
+
+    cases = suite(1, small=True)
+    assert list(generate([], tmp_path, 1)) == []
+    (tmp_path / "cases.json").write_text(json.dumps({cases[0].name: [cases[0].seed, cases[0].kind, "another"]}))
+    with pytest.raises(SystemExit, match="use another folder"):
+        list(generate(cases, tmp_path, 1))
+
+
 def test_a_diagnosis_that_breaks_the_contract_is_refused(tmp_path: Path):
     from verdicts import DiagnosisError, open_case
 
