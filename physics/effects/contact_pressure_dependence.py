@@ -20,7 +20,8 @@ class ContactPressureDependence(ElectrodeEffect):
     """Contact resistance over (1 + bend sensitivity q)^(1/bend), q the mean interface pressure on the electrode.
 
     At ``bend`` 1 conductance grows in proportion to the load, at 2 with its root; towards 0 resistance falls
-    exponentially. ``sensitivity_per_pa``, the relative fall at first, is neutral at 0.
+    exponentially. ``sensitivity_per_pa``, the relative fall at first, is neutral at 0. ``fixed_share`` of the resistance
+    no load takes: that of the lead and of the current spreading in the pad.
     """
 
     name: ClassVar[str] = "contact_pressure_dependence"
@@ -28,8 +29,10 @@ class ContactPressureDependence(ElectrodeEffect):
 
     sensitivity_per_pa: float = parameter("1/Pa", 0.0, 0.1, 0.0, 2e-5, "relative fall per pressure, at first")
     bend: float = parameter("1", 0.0, 10.0, 1.0, 0.2, "one over the power of the load", defining=False)
+    fixed_share: float = parameter("1", 0.0, 0.95, 0.0, 0.05, "part of the resistance no load takes", defining=False)
 
     def contact_resistance_ohm(self, resistance_ohm: Array, pad_pressure_pa: Array, time_s: Array) -> Array:
         load = self.sensitivity_per_pa * np.maximum(pad_pressure_pa, 0.0)
         pressed = np.exp(-load) if self.bend < STRAIGHT else (1 + self.bend * load) ** (-1 / self.bend)
-        return np.asarray(np.maximum(resistance_ohm * pressed, np.minimum(resistance_ohm, LEAST_OHM)))
+        kept = self.fixed_share + (1 - self.fixed_share) * pressed
+        return np.asarray(np.maximum(resistance_ohm * kept, np.minimum(resistance_ohm, LEAST_OHM)))

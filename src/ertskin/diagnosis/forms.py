@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from ertskin.diagnosis.voltage_fit import Term
+from physics.effects.contact_pressure_dependence import ContactPressureDependence
 from physics.effects.piezo_creep import PiezoCreep
 from physics.effects.piezo_hysteresis import PiezoHysteresis
 from physics.effects.scan_skew import ScanSkew
@@ -32,6 +33,8 @@ def freer(term: Term) -> list[Term]:
         ]
     if isinstance(effect, PiezoCreep) and "half_pa" in term.free and "power" not in term.free:
         return [Term(effect.changed({"unevenness": 0.3}), (*term.free, "unevenness", "power"))]
+    if isinstance(effect, ContactPressureDependence) and "fixed_share" not in term.free:
+        return [Term(effect.changed({"bend": 1.0, "fixed_share": 0.2}), (*term.free, "fixed_share"))]
     if isinstance(effect, ScanSkew) and "ease" not in term.free:
         eased = replace(effect, ease=0.5)
         return [Term(form, (*term.free, "ease")) for form in (eased, replace(eased, overshoots=True))]

@@ -58,6 +58,13 @@ def test_contacts_fall_under_pressure_and_sheet_drifts_in_time() -> None:
     np.testing.assert_allclose(drift, [1.0, np.exp(0.1)], rtol=1e-4)
 
 
+def test_no_load_takes_what_of_a_contact_is_fixed() -> None:
+    effect = ContactPressureDependence(sensitivity_per_pa=1e-4, bend=1.0, fixed_share=0.4)
+    load, resistance = np.array([[0.0, 1e4, 1e12]]), np.full((1, 3), 300.0)
+    fallen = effect.contact_resistance_ohm(resistance, load, np.zeros(1))[0]
+    np.testing.assert_allclose(fallen, [300.0, 300.0 * (0.4 + 0.6 / 2), 300.0 * 0.4], rtol=1e-6)
+
+
 def test_contacts_may_fall_as_a_power_of_the_load_or_exponentially() -> None:
     load, resistance = np.array([[0.0, 1e3, 1e4]]), np.full((1, 3), 300.0)
 
