@@ -20,8 +20,8 @@ class ContactPressureDependence(ElectrodeEffect):
     """Contact resistance over (1 + bend sensitivity q)^(1/bend), q the mean interface pressure on the electrode.
 
     At ``bend`` 1 conductance grows in proportion to the load, at 2 with its root; towards 0 resistance falls
-    exponentially. ``sensitivity_per_pa``, the relative fall at first, is neutral at 0. ``fixed_share`` of the resistance
-    no load takes: that of the lead and of the current spreading in the pad.
+    exponentially. ``sensitivity_per_pa``, the relative fall at first, is neutral at 0. ``fixed_share`` of the
+    resistance no load takes: that of the lead and of the current spreading in the pad.
     """
 
     name: ClassVar[str] = "contact_pressure_dependence"
