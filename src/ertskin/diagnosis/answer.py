@@ -19,7 +19,7 @@ from ertskin.diagnosis.claims import (
     estimate,
     verdict_of,
 )
-from ertskin.diagnosis.confidence import AXES_OF, left_over, mending, overshadowed, standing_only
+from ertskin.diagnosis.confidence import AXES_OF, LEAST, left_over, mending, overshadowed, standing_only
 from ertskin.diagnosis.drift_claims import drift_claims
 from ertskin.diagnosis.evidence import Evidence
 from ertskin.diagnosis.findings import Findings
@@ -124,7 +124,7 @@ def _claims(case: Case) -> list[Claim]:
     claims = overshadowed(claims, case.evidence.protocol.orthonormal.shape, ratios, case.leftover)
     residuals = (selection.before.scan_residual, selection.after.scan_residual)
     claims = standing_only(claims, *residuals, selection.problem.evidence.rest, shown)
-    claims += _instrument_claims(case.evidence)
+    claims += _instrument_claims(case)
     claims = [claim for claim in claims if claim.confidence >= WORTH_SAYING]
     return sorted(claims, key=lambda c: (c.effect.name == ContactDrift.name, -c.ratio_alone))
 
@@ -149,22 +149,19 @@ def _p_value(found: Predictions, claims: list[Claim]) -> float:
     return float(chi2.sf(max(gained, 0.0), max(1, sum(len(c.parameters) for c in claims))))
 
 
-def _instrument_claims(evidence: Evidence) -> list[Claim]:
-    """A converter at its limit, which the readings themselves show."""
-    limit = evidence.saturated_v
+def _instrument_claims(case: Case) -> list[Claim]:
+    """A converter at its limit, which the readings themselves show; below it they should be straight."""
+    evidence, limit = case.evidence, case.evidence.saturated_v
     if limit is None:
         return []
     step = 2 * (evidence.protocol.adc_volts_per_count or 1e-4 * abs(limit))
     alone = max(1.0, evidence.leftover_ratio)
-    return [
-        Claim(AdcSaturation(limit), SATURATED, alone, {"limit_v": Estimate(limit, limit - step, limit + step, "V")})
-    ]
+    sure = LEAST * SATURATED if case.instrument_off else SATURATED
+    return [Claim(AdcSaturation(limit), sure, alone, {"limit_v": Estimate(limit, limit - step, limit + step, "V")})]
 
 
 def _leftover_after(evidence: Evidence, selection: Selection) -> float:
     """Rms over noise of what no network explains, the instrument's named effects taken off."""
-    if evidence.saturated_v is not None:
-        return 1.0
     solved, problem = selection.after, selection.problem
     if not acquires(solved.effects):
         return evidence.leftover_ratio

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
+from ertskin.diagnosis.answer import SATURATED, _instrument_claims
 from ertskin.diagnosis.claims import Claim
 from ertskin.diagnosis.confidence import left_over, left_over_of_force, mending, overshadowed, standing_only
 from physics.effects.effect import Effect
@@ -67,3 +70,12 @@ def test_a_sheet_that_explains_what_stands_but_not_what_presses_change_is_less_s
     assert kept.confidence == 0.95
     shown = standing_only(claims, noise + standing + pressed, noise + pressed, rest, {SheetAnisotropy.name})
     assert shown == claims
+
+
+def test_a_limit_is_half_as_sure_where_the_readings_below_it_are_not_straight() -> None:
+    protocol = SimpleNamespace(adc_volts_per_count=1e-4)
+    evidence = SimpleNamespace(saturated_v=5.0, leftover_ratio=1.3, protocol=protocol)
+    straight, curved = (SimpleNamespace(evidence=evidence, instrument_off=off) for off in (False, True))
+    assert _instrument_claims(straight)[0].confidence == SATURATED  # type: ignore[arg-type]
+    assert _instrument_claims(curved)[0].confidence == 0.5 * SATURATED  # type: ignore[arg-type]
+    assert _instrument_claims(straight)[0].parameters["limit_v"].value == 5.0  # type: ignore[arg-type]
