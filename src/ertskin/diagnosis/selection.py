@@ -286,19 +286,30 @@ def _try(
     if instrument:
         plain = problem.solve(current.terms, current.calibration, steps=1, leftover=True)
         reference = float(held_out(plain, partitions).sum())
-    problem.reuse = True
-    for candidate in candidates:
-        solved = _beside(problem, plain, candidate.term, instrument)
+
+    def trial(candidate: Candidate, solved: Solved) -> Trial:
         # Where the fit at hand predicts badly, another term may seem to gain what it doesn't even fit.
         gain = min(reference - float(held_out(solved, partitions).sum()), _of_frames(plain) - _of_frames(solved))
-        if isinstance(candidate.term.effect, TemperatureDrift) and not _shown_at_rest(problem, current, solved):
-            continue
         if getattr(candidate.term.effect, "nodes", ()):
             # Its nodes were fitted to every cell: what it gained where they were not is what counts.
             gain = min(gain, candidate.gain)
-        results.append(Trial(solved.terms[-1], gain, solved))
+        return Trial(solved.terms[-1], gain, solved)
+
+    problem.reuse = True
+    for candidate in candidates:
+        solved = _beside(problem, plain, candidate.term, instrument)
+        if isinstance(candidate.term.effect, TemperatureDrift) and not _shown_at_rest(problem, current, solved):
+            continue
+        results.append((candidate, trial(candidate, solved)))
     problem.reuse = False
-    return results
+    if results:
+        # Cells are predicted by a step from the fit: one that isn't at its best yet may predict badly, and fit best.
+        k = min(range(len(results)), key=lambda k: _of_frames(results[k][1].solved))
+        candidate, found = results[k]
+        if found.gain < _of_frames(plain) - _of_frames(found.solved) and found.gain < max(t.gain for _, t in results):
+            further = problem.solve(found.solved.terms, found.solved.calibration, leftover=instrument)
+            results[k] = candidate, trial(candidate, further)
+    return [found for _, found in results]
 
 
 def _beside(problem: VoltageProblem, current: Solved, term: Term, leftover: bool) -> Solved:

@@ -140,3 +140,21 @@ def test_a_drift_must_show_where_nothing_presses() -> None:
     before = residual(2.0, 5.0)
     assert selection._shown_at_rest(problem, before, residual(1.0, 5.0))
     assert not selection._shown_at_rest(problem, before, residual(2.0, 1.0))
+
+
+@pytest.mark.parametrize(("first", "further"), [(-5.0, 95.0), (40.0, 40.0)])
+def test_the_candidate_that_fits_best_is_fitted_to_its_end_where_it_predicts_worse(
+    first: float, further: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fit(term: Term, cost: float, gain: float) -> Any:
+        return SimpleNamespace(terms=(term,), calibration=None, cost=cost, gain=gain)
+
+    loop, spot = Term(PiezoHysteresis(width=0.1), ("width",)), Term(PiezoInhomogeneity(amplitude=0.1), ("amplitude",))
+    begun = {loop.name: fit(loop, 3.0, first), spot.name: fit(spot, 70.0, 20.0)}
+    problem: Any = SimpleNamespace(reuse=False, solve=lambda terms, start, leftover: fit(terms[0], 3.0, 95.0))
+    monkeypatch.setattr(selection, "_beside", lambda problem, current, term, leftover: begun[term.name])
+    monkeypatch.setattr(selection, "held_out", lambda solved, partitions: np.array([100.0 - solved.gain]))
+    monkeypatch.setattr(selection, "_of_frames", lambda solved: solved.cost)
+    candidates: Any = [SimpleNamespace(term=term, gain=0.0) for term in (loop, spot)]
+    found = selection._try(problem, fit(loop, 100.0, 0.0), candidates, [], 100.0)
+    assert [t.gain for t in found] == [further, 20.0]
