@@ -306,7 +306,8 @@ class LinearSkin:
         if not skew or self.protocol.injection_offset_s is None:
             return []
         moments, _ = self.skew_mixing
-        still = self.skin.with_effects([e for e in self.skin.effects if not isinstance(e, ScanSkew)])
+        # The mesh is that of the pads as they lie already.
+        still = replace(self.skin, effects=tuple(e for e in self.skin.effects if not isinstance(e, ScanSkew)))
         forces = self._moved_forces(self.skin, skew[0], self.force_n, moments)
         return [LinearSkin(still, self.history, force, self.wanted, progress) for force in forces]
 

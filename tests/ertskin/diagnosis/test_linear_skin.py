@@ -14,8 +14,10 @@ from ertskin.diagnosis.voltage_fit import VoltageProblem
 from physics.effects.contact_drift import ContactDrift
 from physics.effects.contact_pressure_dependence import ContactPressureDependence
 from physics.effects.effect import PiezoEffect
+from physics.effects.electrode_displacement import ElectrodeDisplacement
 from physics.effects.piezo_creep import PiezoCreep
 from physics.effects.piezo_hysteresis import PiezoHysteresis
+from physics.effects.scan_skew import ScanSkew
 from physics.effects.temperature_drift import TemperatureDrift
 from physics.history import History, Phase
 from physics.protocol import Protocol, electrode_pairs
@@ -65,6 +67,16 @@ def test_it_is_the_skin_where_it_was_made(skin: Skin, linear: LinearSkin) -> Non
     signal = np.ptp(whole(skin, linear), axis=0).max()
     # Whatever moves less than that part shares a solution with its like.
     np.testing.assert_allclose(linear.scans(skin), whole(skin, linear), atol=5e-3 * signal)
+
+
+def test_presses_may_move_during_the_scan_on_a_skin_with_a_pad_out_of_place(history: History) -> None:
+    pairs = electrode_pairs(6)
+    scan = Protocol.against_sink(pairs, 6, 1e-4, injection_offset_s=np.linspace(0.0, 0.4, len(pairs)))
+    effects = (ElectrodeDisplacement(electrode=1, dx_m=-1e-3, dy_m=1e-3), ScanSkew(speed_m_per_s=1e-3))
+    moving = Skin.build(small_sensor(), scan, small_law(), np.linspace(200.0, 900.0, 6), 9000.0, effects, SMALL)
+    linear = LinearSkin(moving, history, np.nan_to_num(moving.force_n(history)), np.arange(len(history)), None)
+    signal = np.ptp(whole(moving, linear), axis=0).max()
+    np.testing.assert_allclose(linear.scans(moving), whole(moving, linear), atol=5e-3 * signal)
 
 
 def test_places_that_creep_show_until_they_have_recovered(skin: Skin, history: History, linear: LinearSkin) -> None:
