@@ -131,5 +131,6 @@ def test_a_coarse_converter_that_names_no_step_is_not_saturated(protocol: Protoc
     assert (coarse == coarse.max()).sum() > 1
     repeated = np.repeat(coarse, 30, axis=0)
     assert _saturation(repeated, protocol) is None
+    # Plainly at its limit: where it is coarse, a few steps below the top hold many readings, too.
     limit = float(np.quantile(repeated, 0.3))
     assert _saturation(np.minimum(repeated, limit), protocol) == limit
