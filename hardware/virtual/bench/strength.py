@@ -79,22 +79,22 @@ class Ruler:
     def strength(self, name: str, ratio: float, rounds: int = 6) -> tuple[float, Ratios]:
         """The strength at which one effect has its ``own`` ratio, and the ratios reached.
 
-        An effect that can't be made strong enough is left at the strongest tried.
+        The nearest of those tried, for what happens by chance, as a channel that freezes, jumps with its strength; an
+        effect that can't be made strong enough is left at the strongest.
         """
         if name not in EFFECTS:
             raise KeyError(f"the bench has no effect named {name!r}")
-        strength, reached = 1.0, Ratios(1.0, 1.0, 1.0)
-        for _ in range(rounds):
+        strength, tried = 1.0, []
+        for _ in range(rounds + 1):
             reached = self.measure({name: strength})
+            tried.append((strength, reached))
             if abs(reached.own - ratio) < 0.02 * (ratio - 1.0) + 0.003:
                 break
             step = np.sqrt((ratio**2 - 1.0) / max(reached.own**2 - 1.0, 1e-6))
             if strength >= _STRONGEST and step > 1.0:
                 break
             strength = float(min(strength * np.clip(step, 0.02, 8.0), _STRONGEST))
-        else:
-            reached = self.measure({name: strength})
-        return strength, reached
+        return min(tried, key=lambda found: abs(found[1].own - ratio))
 
     def _run(self, truth: Truth, history: History) -> tuple[Array, History]:
         frames = Bench(truth, self.sensor, self.protocol, FAST).frames(history, "ruler", ideal=True)

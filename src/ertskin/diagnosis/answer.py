@@ -60,6 +60,11 @@ class Case:
         """Whether more is left than any network and the instrument's named effects explain."""
         return self.leftover > MATERIAL_RATIO
 
+    @property
+    def repeating(self) -> tuple[int, ...]:
+        """Channels that repeat their last readings at times."""
+        return tuple(int(k) for k in np.flatnonzero(self.evidence.repeats))
+
 
 def answered(name: str, evidence: Evidence, baseline: Baseline, selection: Selection, found: Predictions) -> Findings:
     """The diagnosis of a skin's recording called ``name``, before any press is looked for that would settle it."""
@@ -77,7 +82,7 @@ def answered(name: str, evidence: Evidence, baseline: Baseline, selection: Selec
     if verdict == "unexplained":
         axes = ["electrode", "time"] if jitters else depends_on(tests_before)
     stage = None if not claims else str(claims[0].effect.stage)
-    if verdict == "unexplained" and case.instrument_off:
+    if verdict == "unexplained" and (case.instrument_off or case.repeating):
         stage = str(Stage.ACQUISITION)
     electrodes = _electrodes(case, claims)
     if jitters:
@@ -98,6 +103,7 @@ def answered(name: str, evidence: Evidence, baseline: Baseline, selection: Selec
         claims=tuple(claims),
         unexplained_ratio=left,
         unexplained_depends_on=tuple(depends_on(tests_after) if found.ratio_after > MATERIAL_RATIO else ()),
+        reason=_reason(case, jitters),
     )
     return Findings(
         diagnosis,
@@ -130,15 +136,30 @@ def _claims(case: Case) -> list[Claim]:
 
 
 def _verdict(case: Case, claims: list[Claim], jitters: bool) -> str:
-    instrument = case.instrument_off or any(c.effect.stage == Stage.ACQUISITION for c in claims)
+    beyond = case.instrument_off or bool(case.repeating)
+    instrument = beyond or any(c.effect.stage == Stage.ACQUISITION for c in claims)
     mismatch = bool(case.force.claims) or case.force.off or instrument or jitters
     surely = 1 + DOUBT * case.baseline.noise.error
     press = case.evidence.history[case.found.held].press
     before = case.found.ratio_before if claims else broad_ratio(case.found.before, press) / surely
     verdict = verdict_of(before, case.found.ratio_after, bool(claims), mismatch)
-    if verdict == "explained" and (case.force.off or case.instrument_off):
+    if verdict == "explained" and (case.force.off or beyond):
         return "partly_explained"
     return verdict
+
+
+def _reason(case: Case, jitters: bool) -> str | None:
+    """What is plainly wrong though no effect's name is for it."""
+    said = [
+        f"channel {k} repeats its last readings in {case.evidence.repeats[k]:.0%} of the frames, which are left out:"
+        " check its converter and wiring"
+        for k in case.repeating
+    ]
+    if jitters:
+        said.append(
+            f"the contact of electrode {case.baseline.noise.jittering} changes from one frame to the next: is it loose?"
+        )
+    return "; ".join(said) or None
 
 
 def _p_value(found: Predictions, claims: list[Claim]) -> float:
@@ -185,9 +206,10 @@ def _electrodes(case: Case, claims: list[Claim]) -> tuple[int, ...]:
     """Electrodes and channels claimed, and those whose readings no network explains."""
     claimed = [getattr(c.effect, key, -1) for c in claims for key in ("electrode", "channel")]
     named = tuple(int(number) for number in claimed if number >= 0)
-    if not case.instrument_off:
-        return named
-    return tuple(dict.fromkeys((*named, *_leftover_channels(case.evidence))))
+    wrong = (*named, *case.repeating)
+    if case.instrument_off:
+        wrong = (*wrong, *_leftover_channels(case.evidence))
+    return tuple(dict.fromkeys(wrong))
 
 
 def _leftover_channels(evidence: Evidence) -> tuple[int, ...]:

@@ -46,7 +46,11 @@ Array = NDArray[np.float64]
 
 
 def left_over(claims: Sequence[Claim], before: float, after: float) -> list[Claim]:
-    """Claims lose confidence with the part of the excess misfit that they leave: a wrong form explains in part."""
+    """Claims lose confidence with the part of the misfit (rms, the noise taken off) that they leave.
+
+    A name for something else explains in part, and mostly the larger part: a torn patch taken for a field of
+    sensitivity left a quarter of the misfit, 7 % of its square.
+    """
     share = _explained(before, after)
     return [replace(c, confidence=c.confidence * (share if c.effect.stage != Stage.MECHANICS else 1.0)) for c in claims]
 
@@ -58,7 +62,7 @@ def left_over_of_force(claims: Sequence[Claim], before: float, after: float) -> 
 
 def _explained(before: float, after: float) -> float:
     excess, left = max(before**2 - 1, 0.0), max(after**2 - MATERIAL_RATIO**2, 0.0)
-    return max(0.0, 1 - left / excess) if excess > 0 else 1.0
+    return max(0.0, 1 - float(np.sqrt(left / excess))) if excess > 0 else 1.0
 
 
 def mending(claims: Sequence[Claim], shown: Collection[str] = ()) -> list[Claim]:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ertskin.diagnosis.repeating_channels import repeating
 from hardware.recording import Recording
 from physics.history import History, Phase
 from physics.protocol import Protocol
@@ -43,6 +44,7 @@ class Evidence:
     spikes; ``leftover_noise_v`` noise of a reading by what no network explains,
     ``noise_v`` the same of a whitened scan's numbers: equal unless the noise is coloured; ``air_n`` of the load cell;
     ``leftover_share`` part of white noise's variance that no network explains, over the readings there are.
+    ``repeats`` (M,) part of the frames in which each channel repeats its last readings, which are left out.
     ``stray`` (P,k): directions, one standard deviation long in units of the noise, in which rest frames scatter more;
     ``traces`` (T,P,m): orthonormal directions, or noughts, that say nothing: places pressed before and not recovered.
     """
@@ -59,6 +61,7 @@ class Evidence:
     stray: Array
     traces: Array
     leftover_share: float
+    repeats: Array
 
     def frames(self, rows: NDArray[np.intp]) -> Evidence:
         """The evidence of some frames."""
@@ -112,7 +115,7 @@ def gather(recording: Recording) -> Evidence:
         raise CannotTell("frames name no contacts: where the skin was pressed is unknown")
     # Drifts count from the first frame, whatever clock the recording keeps.
     history = replace(history, time_s=history.time_s - history.time_s[0])
-    voltage = np.asarray(recording.frames.voltage_v, dtype=float)
+    voltage = np.array(recording.frames.voltage_v, dtype=float)
     if not np.isfinite(voltage).any():
         raise CannotTell("no reading is a number")
     rest = history.phase == Phase.REST
@@ -121,6 +124,8 @@ def gather(recording: Recording) -> Evidence:
     whole = np.isfinite(voltage).reshape(len(voltage), -1).mean(axis=1) > 0.5
     if not whole[rest].any():
         raise CannotTell("every rest frame is damaged")
+    repeats = repeating(voltage)
+    voltage[np.broadcast_to(repeats[:, None], voltage.shape)] = np.nan
     limit = _saturation(voltage, protocol)
     if limit is not None:
         pinned = np.abs(voltage - limit) < 1e-9 + 2 * (protocol.adc_volts_per_count or 0.0)
@@ -168,6 +173,7 @@ def gather(recording: Recording) -> Evidence:
         np.zeros((scan.shape[1], 0)),
         np.zeros((*scan.shape, 0)),
         float(freedom[freedom > LEAST_FREEDOM].mean()) if (freedom > LEAST_FREEDOM).any() else 1.0,
+        repeats.mean(axis=0),
     )
 
 

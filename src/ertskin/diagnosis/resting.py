@@ -25,6 +25,8 @@ REMEMBERED = 3
 """Places, pressed before a rest frame, that may not have recovered yet."""
 RESTLESS = 2.0
 """Scatter of a resting contact, in standard errors, from which it moves."""
+WANDERS = 0.5
+"""Part of a path's variance that its steps may make, from which on it doesn't wander but jitters: white noise has 1."""
 LEFT, ALONE = 0.2, 0.3
 """Parts of what changes between rest frames: left by all restless contacts, explained by one."""
 COLOURED = 0.05
@@ -32,6 +34,8 @@ COLOURED = 0.05
 
 JITTER, ALONG = 1.03, 0.8
 """Misfit over noise that a jittering contact must make, and the cosine between what is seen and what it would do."""
+STANDS_OUT = 3.0
+"""Times the median share of its resistance by which a contact jitters if it is the one that is loose."""
 SURELY = 5.0
 """Standard deviations of chance above which places are taken not to have recovered."""
 CHANCES, RARELY = 400, 0.01
@@ -207,12 +211,17 @@ def _scatter(scans: Array, columns: Array, reading_v: float) -> Noise:
 
 
 def _jittering(stray: Array, contacts: Array) -> int:
-    """The contact, by its column among (P,L), along which the largest of the ``stray`` lies, if that is material."""
+    """The contact, by its column among (P,L), along which the largest of the ``stray`` lies, if that is material.
+
+    Contacts that all jitter alike are how the skin is made, not one that is loose.
+    """
     if not stray.shape[1] or (stray**2).sum() < (JITTER**2 - 1) * len(stray):
         return -1
     largest = stray[:, -1] / np.linalg.norm(stray[:, -1])
     along = np.abs(largest @ contacts) / np.linalg.norm(contacts, axis=0)
-    return int(along.argmax()) if along.max() > ALONG else -1
+    share = np.linalg.norm(np.linalg.lstsq(contacts, stray, rcond=None)[0], axis=1)
+    loose = int(along.argmax())
+    return loose if along[loose] > ALONG and share[loose] > STANDS_OUT * np.median(share) else -1
 
 
 @cache
@@ -230,7 +239,10 @@ def _largest_by_chance(count: int, width: int) -> float:
 def _contact_drift(
     change_v: Array, time_s: Array, noise_v: float, columns: Array, traces: Array, contacts: Array
 ) -> tuple[Effect, ...]:
-    """What each contact did over the recording, from its rest frames, where they wander beyond the noise."""
+    """What each contact did over the recording, from its rest frames, where they wander beyond the noise.
+
+    A contact that is another one in every frame has no path that pressed frames could be told from: that is noise.
+    """
     if len(change_v) < ENOUGH_RESTS:
         return ()
     moved, error = np.empty((2, len(change_v), columns.shape[1]))
@@ -245,6 +257,7 @@ def _contact_drift(
     return tuple(
         ContactDrift(k, tuple(time_s.tolist()), tuple((contacts[k] * _smoothed(moved[:, k], error[:, k])).tolist()))
         for k in wandering(rest, designs, traces.any(axis=1).sum(axis=1).tolist(), restless)
+        if steps_share(moved[:, k], error[:, k]) < WANDERS
     )
 
 
@@ -269,6 +282,16 @@ def wandering(change: Array, designs: Sequence[Array], taken: Sequence[int], res
     if excess(restless) < LEFT * before:
         return restless
     return [k for k in restless if before - excess([k]) > ALONE * before]
+
+
+def steps_share(path: Array, error: Array) -> float:
+    """Half the mean square of a path's steps (R,) over its variance, both without the ``error`` (R,) it is seen with.
+
+    The ratio of J. von Neumann, Ann. Math. Stat. 12, 367 (1941): 1 for white noise, near nought for slow drifts.
+    """
+    noise = float((error**2).mean())
+    steps = 0.5 * float((np.diff(path) ** 2).mean()) - noise
+    return steps / max(float(path.var(ddof=1)) - noise, 1e-12 * noise)
 
 
 def _smoothed(path: Array, error: Array) -> Array:

@@ -37,3 +37,18 @@ def test_what_was_left_out_is_named_and_predicts(tmp_path: Path, name: str) -> N
     assert after is not None
     assert before > 1.2
     assert after < 1 + 0.2 * (before - 1)
+
+
+@pytest.mark.timeout(300)
+@pytest.mark.parametrize(
+    ("name", "key", "words"),
+    [("frozen_channel", "channel", "repeats"), ("intermittent_electrode", "electrode", "loose")],
+)
+def test_what_has_no_name_is_said_with_its_place(tmp_path: Path, name: str, key: str, words: str) -> None:
+    path = tmp_path / "hidden.h5"
+    truth = write_bench(path, "quick", {name: 2.0}, seed=7, resolution=FAST)
+    found = diagnose_any(read_recording(path), path.name, lambda share, text: None, "fast").diagnosis
+    assert found.verdict == "unexplained"
+    assert not found.claims
+    assert found.electrodes == (truth.parameters(name)[key],)
+    assert words in (found.reason or "")

@@ -5,7 +5,17 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ertskin.diagnosis.resting import _largest_by_chance, _needed, _scatter, _shares, _undisturbed_mean, wandering
+from ertskin.diagnosis.resting import (
+    _contact_drift,
+    _largest_by_chance,
+    _needed,
+    _scatter,
+    _shares,
+    _undisturbed_mean,
+    steps_share,
+    wandering,
+)
+from physics.effects.contact_drift import ContactDrift
 
 CONTACTS, NUMBERS, FRAMES = 8, 60, 30
 
@@ -89,6 +99,40 @@ def test_a_contact_that_jitters_is_named_and_noise_is_not() -> None:
     assert _scatter(jitter, columns, 1.0).jittering == 2
     # Coloured noise strays along contacts too.
     assert _scatter(1.5 * jitter, columns, 1.0).jittering == -1
+
+
+def test_contacts_that_all_jitter_are_how_the_skin_is_made() -> None:
+    rng = np.random.default_rng(6)
+    columns, traces = columns_and_traces(rng)
+    unit = columns[:, :CONTACTS] / np.linalg.norm(columns[:, :CONTACTS], axis=0)
+    alike = rng.standard_normal((FRAMES, NUMBERS)) + 8 * rng.standard_normal((FRAMES, CONTACTS)) @ unit.T
+    noise = _scatter(alike, columns, 1.0)
+    assert noise.stray.shape[1] == CONTACTS
+    assert noise.jittering == -1
+    time_s = np.arange(float(FRAMES))
+    change = alike - alike.mean(axis=0)
+    assert _contact_drift(change, time_s, 1.0, columns, np.zeros_like(traces), np.full(CONTACTS, 300.0)) == ()
+
+
+def test_a_contact_that_drifts_is_followed() -> None:
+    rng = np.random.default_rng(7)
+    columns, traces = columns_and_traces(rng)
+    path = np.linspace(-1.0, 1.0, FRAMES) ** 3
+    change = rng.standard_normal((FRAMES, NUMBERS)) + 10 * np.outer(path, columns[:, 5])
+    (drift,) = _contact_drift(
+        change, np.arange(float(FRAMES)), 1.0, columns, np.zeros_like(traces), np.full(CONTACTS, 300.0)
+    )
+    assert isinstance(drift, ContactDrift)
+    np.testing.assert_allclose(np.array(drift.ohm) / 300.0, 10 * path, atol=0.8)
+
+
+def test_steps_tell_a_walk_from_noise() -> None:
+    rng = np.random.default_rng(8)
+    none = np.zeros(200)
+    assert steps_share(rng.standard_normal(200), none) == pytest.approx(1.0, abs=0.25)
+    assert steps_share(np.cumsum(rng.standard_normal(200)), none) < 0.1
+    seen = np.sin(np.arange(200) / 20) + rng.standard_normal(200)
+    assert steps_share(seen, np.ones(200)) < 0.3
 
 
 def test_coloured_noise_is_known_as_well_as_it_says():

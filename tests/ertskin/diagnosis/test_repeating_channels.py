@@ -1,0 +1,43 @@
+"""Channels that repeat their last readings: found where they do, and nowhere else."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ertskin.diagnosis.repeating_channels import repeating
+
+FRAMES, INJECTIONS, CHANNELS = 20, 40, 6
+
+
+def readings(step_v: float = 1e-4, noise_v: float = 2e-3) -> np.ndarray:
+    """(T,K,M) noisy readings in whole steps; the first injection's are tied to ground."""
+    rng = np.random.default_rng(0)
+    voltage = 1.0 + rng.random((INJECTIONS, CHANNELS)) + noise_v * rng.standard_normal((FRAMES, INJECTIONS, CHANNELS))
+    voltage[:, 0] = 0.0
+    return np.asarray(np.round(voltage / step_v) * step_v)
+
+
+def test_a_channel_that_freezes_is_found_while_it_does() -> None:
+    voltage = readings()
+    voltage[7:10, :, 2] = voltage[6, :, 2]
+    voltage[9, 3, 2] = np.nan
+    found = repeating(voltage)
+    assert found.sum() == 3
+    assert found[7:10, 2].all()
+
+
+def test_a_dead_channel_repeats_from_the_first_frame_on() -> None:
+    voltage = readings()
+    voltage[..., 4] = 0.3
+    found = repeating(voltage)
+    assert found[:, 4].all()
+    assert found.sum() == FRAMES
+
+
+def test_neither_coarse_steps_nor_frames_written_twice_nor_silence_are_frozen_channels() -> None:
+    assert not repeating(readings(step_v=5e-2)).any()
+    twice = readings()
+    twice[11] = twice[10]
+    assert not repeating(twice).any()
+    assert not repeating(readings(noise_v=0.0)).any()
+    assert not repeating(np.full((FRAMES, INJECTIONS, CHANNELS), np.nan)).any()
