@@ -26,7 +26,8 @@ from ertskin.diagnosis.findings import Findings
 from ertskin.diagnosis.force_answer import ForceAnswer, force_answer
 from ertskin.diagnosis.holding_out import SPLIT
 from ertskin.diagnosis.predictions import Predictions, broad_ratio, misfit_p
-from ertskin.diagnosis.residuals import axis_tests, depends_on
+from ertskin.diagnosis.repeatability import Repeatability
+from ertskin.diagnosis.residuals import AxisTest, axis_tests, depends_on
 from ertskin.diagnosis.selection import Chosen, Selection
 from physics.effects.adc_saturation import AdcSaturation
 from physics.effects.contact_drift import ContactDrift
@@ -46,7 +47,11 @@ STANDS_OUT = 3.0
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """All that an answer is made from; ``leftover`` is what no network and no named instrument explains, over noise."""
+    """All that an answer is made from.
+
+    ``leftover`` is what no network and no named instrument explains, over noise; ``differ`` how presses scatter, where
+    that is most of what the terms leave.
+    """
 
     evidence: Evidence
     baseline: Baseline
@@ -54,6 +59,7 @@ class Case:
     found: Predictions
     force: ForceAnswer
     leftover: float
+    differ: Repeatability | None
 
     @property
     def instrument_off(self) -> bool:
@@ -66,10 +72,17 @@ class Case:
         return tuple(int(k) for k in np.flatnonzero(self.evidence.repeats))
 
 
-def answered(name: str, evidence: Evidence, baseline: Baseline, selection: Selection, found: Predictions) -> Findings:
+def answered(
+    name: str,
+    evidence: Evidence,
+    baseline: Baseline,
+    selection: Selection,
+    found: Predictions,
+    differ: Repeatability | None,
+) -> Findings:
     """The diagnosis of a skin's recording called ``name``, before any press is looked for that would settle it."""
     force = force_answer(evidence, baseline, selection, found.held)
-    case = Case(evidence, baseline, selection, found, force, _leftover_after(evidence, selection))
+    case = Case(evidence, baseline, selection, found, force, _leftover_after(evidence, selection), differ)
     claims = _claims(case)
     jitters = baseline.noise.jittering >= 0 and not claims
     verdict = _verdict(case, claims, jitters)
@@ -102,7 +115,8 @@ def answered(name: str, evidence: Evidence, baseline: Baseline, selection: Selec
         depends_on=tuple(dict.fromkeys(axes)),
         claims=tuple(claims),
         unexplained_ratio=left,
-        unexplained_depends_on=tuple(depends_on(tests_after) if found.ratio_after > MATERIAL_RATIO else ()),
+        unexplained_depends_on=_left_depends_on(case, tests_after),
+        presses_differ=differ,
         reason=_reason(case, jitters),
     )
     return Findings(
@@ -122,7 +136,8 @@ def _claims(case: Case) -> list[Claim]:
     """Every claim with its confidence, the largest first and contacts that wander last."""
     selection, ratios = case.selection, (case.found.ratio_before, case.found.ratio_after)
     claims = [_voltage_claim(selection, chosen, k) for k, chosen in enumerate(selection.chosen)]
-    claims = left_over([*claims, *case.force.claims, *drift_claims(selection)], *ratios)
+    presses_free = None if case.differ is None else case.differ.ratio
+    claims = left_over([*claims, *case.force.claims, *drift_claims(selection)], *ratios, presses_free)
     shown = {finding.effect.name for finding in case.baseline.specimen_findings}
     if case.baseline.displaced is not None:
         shown.add(case.baseline.displaced.name)
@@ -146,6 +161,12 @@ def _verdict(case: Case, claims: list[Claim], jitters: bool) -> str:
     if verdict == "explained" and (case.force.off or beyond):
         return "partly_explained"
     return verdict
+
+
+def _left_depends_on(case: Case, tests: list[AxisTest]) -> tuple[str, ...]:
+    if case.found.ratio_after <= MATERIAL_RATIO:
+        return ()
+    return (*depends_on(tests), *(("press",) if case.differ is not None else ()))
 
 
 def _reason(case: Case, jitters: bool) -> str | None:

@@ -45,14 +45,22 @@ LEFT = 0.5
 Array = NDArray[np.float64]
 
 
-def left_over(claims: Sequence[Claim], before: float, after: float) -> list[Claim]:
+def left_over(claims: Sequence[Claim], before: float, after: float, presses_free: float | None = None) -> list[Claim]:
     """Claims lose confidence with the part of the misfit (rms, the noise taken off) that they leave.
 
     A name for something else explains in part, and mostly the larger part: a torn patch taken for a field of
-    sensitivity left a quarter of the misfit, 7 % of its square.
+    sensitivity left a quarter of the misfit, 7 % of its square. ``presses_free`` is what stays of ``after`` on a rig
+    whose presses don't repeat once each may land and press in its own way: that scatter speaks only against names for
+    what changes from place to place.
     """
-    share = _explained(before, after)
-    return [replace(c, confidence=c.confidence * (share if c.effect.stage != Stage.MECHANICS else 1.0)) for c in claims]
+
+    def share(claim: Claim) -> float:
+        if claim.effect.stage == Stage.MECHANICS:
+            return 1.0
+        placed = "place" in AXES_OF.get(claim.effect.name, ())
+        return _explained(before, after if placed or presses_free is None else presses_free)
+
+    return [replace(c, confidence=c.confidence * share(c)) for c in claims]
 
 
 def left_over_of_force(claims: Sequence[Claim], before: float, after: float) -> list[Claim]:

@@ -18,7 +18,7 @@ from ertskin.diagnosis.holding_out import fitted_and_held
 from ertskin.diagnosis.linear_skin import LinearSkin
 from ertskin.diagnosis.predictions import Predictions, predictions, ratio, unspoilt
 from ertskin.diagnosis.remainder import remainder
-from ertskin.diagnosis.repeatability import repeatability
+from ertskin.diagnosis.repeatability import Repeatability, repeatability
 from ertskin.diagnosis.selection import Selection, select
 from ertskin.diagnosis.skin_family import SHAPE, Calibration, SkinFamily
 from ertskin.diagnosis.voltage_fit import Solved, Term, VoltageProblem
@@ -69,12 +69,12 @@ def _diagnose(recording: Recording, name: str, report: Report, resolution: str, 
     report(0.85, "predicting presses no fit has seen")
     found = predictions(evidence, baseline, plain, selection, family, held)
     selection, found = unspoilt(evidence, baseline, selection, family, found)
-    findings = answered(name, evidence, baseline, selection, found)
     skin = family.skin(selection.after.calibration, selection.after.effects)
+    differ = _presses_that_differ(selection, skin) if found.ratio_after > MATERIAL_RATIO else None
+    findings = answered(name, evidence, baseline, selection, found, differ)
     if (findings.diagnosis.unexplained_ratio or 0.0) > MATERIAL_RATIO:
         report(0.9, "predicting what no name explains")
         findings = _with_remainder(findings, selection, found)
-        findings = _with_presses_that_differ(findings, selection, skin)
     report(0.92, "looking for the press that would settle what is in doubt")
     press = settling_press(evidence, skin, baseline.force_noise.rms_n, findings.diagnosis.claims)
     return replace(findings, diagnosis=replace(findings.diagnosis, next_press=press))
@@ -141,8 +141,8 @@ def _with_remainder(findings: Findings, selection: Selection, found: Predictions
     return replace(findings, diagnosis=replace(findings.diagnosis, remainder_ratio=ratio(found.after - nameless)))
 
 
-def _with_presses_that_differ(findings: Findings, selection: Selection, skin: Skin) -> Findings:
-    """The findings with how the presses fitted scatter, where that is most of what is left."""
+def _presses_that_differ(selection: Selection, skin: Skin) -> Repeatability | None:
+    """How the presses fitted scatter, where that is most of what is left."""
     problem, residual = selection.problem, selection.after.scan_residual
     evidence, history = problem.evidence, problem.evidence.history
     rows = np.flatnonzero(history.touched.any(axis=1) & residual.any(axis=1))
@@ -152,8 +152,4 @@ def _with_presses_that_differ(findings: Findings, selection: Selection, skin: Sk
 
     place_m = history.contact_m[rows, 0]
     found = repeatability(residual[rows], scans, skin, problem.linear.force_n, history.press[rows], place_m)
-    if not found.matters:
-        return findings
-    depends_on = (*findings.diagnosis.unexplained_depends_on, "press")
-    diagnosis = replace(findings.diagnosis, presses_differ=found, unexplained_depends_on=depends_on)
-    return replace(findings, diagnosis=diagnosis)
+    return found if found.matters else None

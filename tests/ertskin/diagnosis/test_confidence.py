@@ -30,6 +30,13 @@ def test_what_stays_unexplained_is_shared_by_all_but_the_load_cells_names() -> N
     assert kept.confidence == 0.95
 
 
+def test_presses_that_do_not_repeat_speak_against_names_of_places_alone() -> None:
+    claims = [claim(SheetAnisotropy(stretch_x=0.1), 2.0), claim(PiezoHysteresis(width=0.1), 2.0)]
+    placed, other = left_over(claims, 3.0, 2.236, 1.05)
+    assert placed == left_over(claims, 3.0, 2.236)[0]
+    assert other.confidence == 0.95
+
+
 def test_a_foam_that_leaves_force_unexplained_is_less_sure() -> None:
     lost_motion = [claim(NonlinearFoam(stiffening=0.5), 1.5)]
     assert left_over_of_force(lost_motion, 2.0, 1.0) == lost_motion
