@@ -99,7 +99,8 @@ def answered(
         stage = str(Stage.ACQUISITION)
     electrodes = _electrodes(case, claims)
     if jitters:
-        stage, electrodes = str(Stage.ELECTRODES), (baseline.noise.jittering,)
+        stage = stage or str(Stage.ELECTRODES)
+        electrodes = tuple(dict.fromkeys((*electrodes, baseline.noise.jittering)))
     position, radius = _place_of(claims)
     left = found.ratio_after if claims else found.ratio_before
     diagnosis = Diagnosis(
@@ -136,7 +137,7 @@ def _claims(case: Case) -> list[Claim]:
     """Every claim with its confidence, the largest first and contacts that wander last."""
     selection, ratios = case.selection, (case.found.ratio_before, case.found.ratio_after)
     claims = [_voltage_claim(selection, chosen, k) for k, chosen in enumerate(selection.chosen)]
-    presses_free = None if case.differ is None else case.differ.ratio
+    presses_free = None if case.differ is None else case.differ.left_of(case.found.ratio_after)
     claims = left_over([*claims, *case.force.claims, *drift_claims(selection)], *ratios, presses_free)
     shown = {finding.effect.name for finding in case.baseline.specimen_findings}
     if case.baseline.displaced is not None:
@@ -172,13 +173,13 @@ def _left_depends_on(case: Case, tests: list[AxisTest]) -> tuple[str, ...]:
 def _reason(case: Case, jitters: bool) -> str | None:
     """What is plainly wrong though no effect's name is for it."""
     said = [
-        f"channel {k} repeats its last readings in {case.evidence.repeats[k]:.0%} of the frames, which are left out:"
+        f"channel {k} repeats its last readings in {case.evidence.repeats[k]} frames, where they are left out:"
         " check its converter and wiring"
         for k in case.repeating
     ]
     if jitters:
         said.append(
-            f"the contact of electrode {case.baseline.noise.jittering} changes from one frame to the next: is it loose?"
+            f"the contact of electrode {case.baseline.noise.jittering} changes between rest frames: is it loose?"
         )
     return "; ".join(said) or None
 
@@ -224,7 +225,7 @@ def _voltage_claim(selection: Selection, chosen: Chosen, number: int) -> Claim:
 
 
 def _electrodes(case: Case, claims: list[Claim]) -> tuple[int, ...]:
-    """Electrodes and channels claimed, and those whose readings no network explains."""
+    """Electrodes and channels claimed, channels that repeat, and those whose readings no network explains."""
     claimed = [getattr(c.effect, key, -1) for c in claims for key in ("electrode", "channel")]
     named = tuple(int(number) for number in claimed if number >= 0)
     wrong = (*named, *case.repeating)

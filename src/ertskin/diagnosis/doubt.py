@@ -9,6 +9,7 @@ from typing import Any
 from ertskin.diagnosis.claims import Claim, Rival
 from ertskin.diagnosis.evidence import Evidence
 from ertskin.diagnosis.next_press import Feasible, next_press
+from physics.effects.scan_skew import ScanSkew
 from physics.skin import Skin
 
 SETTLED = 0.9
@@ -31,13 +32,15 @@ def settling_press(
 ) -> dict[str, Any] | None:
     """``next_press`` of the contract, for the fitted ``skin``; None where nothing is in doubt or no press would tell.
 
-    A rival takes the claim's place among the skin's effects.
+    A rival takes the claim's place among the skin's effects. A press that moves during its scan is left standing still
+    unless that is in doubt itself: it would take every frame several solutions and tells nothing of the others.
     """
     found = doubted(claims)
     if found is None:
         return None
     claim, rival = found
-    others = [effect for effect in skin.effects if effect.name not in (claim.effect.name, rival.effect.name)]
+    gone = (claim.effect.name, rival.effect.name, ScanSkew.name)
+    others = [effect for effect in skin.effects if effect.name not in gone]
     own = replace(skin, effects=(*others, claim.effect))
     foreign = {rival.effect.name: replace(skin, effects=(*others, rival.effect))}
     feasible = Feasible.of(evidence.sensor, evidence.history)

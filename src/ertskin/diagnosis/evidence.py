@@ -28,6 +28,8 @@ LEAST_ODD = 1e-3
 LEAST_SIGNAL = 5.0
 """Times the noise that the resting scan's numbers must have."""
 FEWEST_RESTS = 4
+LEAST_TOLD = 1e-6
+"""Share of every combination of pair resistances that the readings there are must hold."""
 LEAST_FREEDOM = 0.05
 """Readings that a network follows more closely than this say nothing about the noise."""
 
@@ -44,7 +46,7 @@ class Evidence:
     spikes; ``leftover_noise_v`` noise of a reading by what no network explains,
     ``noise_v`` the same of a whitened scan's numbers: equal unless the noise is coloured; ``air_n`` of the load cell;
     ``leftover_share`` part of white noise's variance that no network explains, over the readings there are.
-    ``repeats`` (M,) part of the frames in which each channel repeats its last readings, which are left out.
+    ``repeats`` (M,) number of frames in which a channel repeats its last readings, which are left out there.
     ``stray`` (P,k): directions, one standard deviation long in units of the noise, in which rest frames scatter more;
     ``traces`` (T,P,m): orthonormal directions, or noughts, that say nothing: places pressed before and not recovered.
     """
@@ -61,7 +63,7 @@ class Evidence:
     stray: Array
     traces: Array
     leftover_share: float
-    repeats: Array
+    repeats: NDArray[np.intp]
 
     def frames(self, rows: NDArray[np.intp]) -> Evidence:
         """The evidence of some frames."""
@@ -124,8 +126,13 @@ def gather(recording: Recording) -> Evidence:
     whole = np.isfinite(voltage).reshape(len(voltage), -1).mean(axis=1) > 0.5
     if not whole[rest].any():
         raise CannotTell("every rest frame is damaged")
-    repeats = repeating(voltage)
+    # An electrode read against itself gives nought in every scan.
+    repeats = repeating(np.where(protocol.measurement.any(axis=-1), voltage, np.nan))
     voltage[np.broadcast_to(repeats[:, None], voltage.shape)] = np.nan
+    told = _told(protocol, voltage)
+    if not told[rest].any():
+        missing = ", ".join(map(str, np.flatnonzero(np.isnan(voltage[rest]).all(axis=(0, 1)))))
+        raise CannotTell(f"without the readings of channel {missing} this scan can't tell all pair resistances apart")
     limit = _saturation(voltage, protocol)
     if limit is not None:
         pinned = np.abs(voltage - limit) < 1e-9 + 2 * (protocol.adc_volts_per_count or 0.0)
@@ -154,12 +161,12 @@ def gather(recording: Recording) -> Evidence:
     quantum = (protocol.adc_volts_per_count or 0.0) / np.sqrt(12)
     if not core > 0:
         raise CannotTell("the readings don't vary: no noise to measure a misfit against")
-    resting = np.nanmean(scan[rest & (spike.mean(axis=(1, 2)) < 0.5)], axis=0)
+    scan[~told | (spike.mean(axis=(1, 2)) >= 0.5)] = np.nan
+    resting = np.nanmean(scan[rest], axis=0)
     if not np.sqrt((resting**2).mean()) > LEAST_SIGNAL * core:
         raise CannotTell("the readings at rest are hardly more than noise: check wiring, injected currents and units")
     force = history.force_n[rest]
     air = float(np.nanstd(force)) if np.isfinite(force).sum() > 3 else float("nan")
-    scan[spike.mean(axis=(1, 2)) >= 0.5] = np.nan
     return Evidence(
         recording.sensor,
         protocol,
@@ -173,8 +180,22 @@ def gather(recording: Recording) -> Evidence:
         np.zeros((scan.shape[1], 0)),
         np.zeros((*scan.shape, 0)),
         float(freedom[freedom > LEAST_FREEDOM].mean()) if (freedom > LEAST_FREEDOM).any() else 1.0,
-        repeats.mean(axis=0),
+        repeats.sum(axis=0),
     )
+
+
+def _told(protocol: Protocol, voltage_v: Array) -> NDArray[np.bool_]:
+    """(T,) whether the channels there are in a frame of readings (T,K,M) tell all pair resistances apart.
+
+    An electrode that is never the sink is known by its own channel alone.
+    """
+    gone = np.isnan(voltage_v).all(axis=1)
+    patterns, of = np.unique(gone, axis=0, return_inverse=True)
+    told = []
+    for pattern in patterns:
+        kept = protocol.orthonormal.reshape(*protocol.shape, -1)[:, ~pattern].reshape(-1, protocol.orthonormal.shape[1])
+        told.append(bool(np.linalg.eigvalsh(kept.T @ kept)[0] > LEAST_TOLD))
+    return np.array(told)[of.ravel()]
 
 
 def _freedom(protocol: Protocol, there: NDArray[np.bool_]) -> Array:

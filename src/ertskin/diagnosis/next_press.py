@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from hardware.plan import Plan, plan_from_presses
 from physics.conduction.mesh import Grading
 from physics.conduction.sheet import Resolution, SheetModel
-from physics.effects.effect import Effect, ElectrodeEffect
+from physics.effects.effect import Effect, ElectrodeEffect, FoamEffect
 from physics.effects.electrode_displacement import ElectrodeDisplacement
 from physics.effects.scan_skew import ScanSkew
 from physics.history import History, Phase
@@ -167,7 +167,7 @@ def _reason(best: Design, plain: Design, told: float, before: float) -> str:
 
 def told_apart(skin: Skin, rival: Skin, design: Design, noise_v: float, force_noise_n: float) -> float:
     """Expected half chi-square between two skins' predictions of a press, beyond what refitting absorbs."""
-    trial = Trial.of(skin, design, noise_v, force_noise_n)
+    trial = Trial.of(skin, design, noise_v, force_noise_n, _read_alike(skin, rival))
     predicted, foreign = trial.predicted(skin), trial.predicted(rival)
     own = [effect for effect in rival.effects if effect not in skin.effects]
     absorbed = [
@@ -181,11 +181,18 @@ def told_apart(skin: Skin, rival: Skin, design: Design, noise_v: float, force_no
     return float(0.5 * (apart @ apart - along @ np.linalg.solve(gram, along)))
 
 
+def _read_alike(skin: Skin, rival: Skin) -> bool:
+    """Whether two skins differ by effects of the foam alone that change no reading at equal force."""
+    differing = set(skin.effects) ^ set(rival.effects)
+    return all(isinstance(e, FoamEffect) and type(e).felt_n is FoamEffect.felt_n for e in differing)
+
+
 @dataclass(frozen=True, eq=False)
 class Trial:
     """A press thinned to few frames, ``stands_for`` (T,) how many each, and what is measured in it.
 
     ``force_n`` (T,1) is what the load cell is taken to say: any model's readings are predicted at these forces.
+    ``unread``: the readings are left out, for all models give the same.
     """
 
     history: History
@@ -194,9 +201,10 @@ class Trial:
     speed_m_per_s: float
     noise_v: float
     force_noise_n: float
+    unread: bool
 
     @classmethod
-    def of(cls, skin: Skin, design: Design, noise_v: float, force_noise_n: float) -> Trial:
+    def of(cls, skin: Skin, design: Design, noise_v: float, force_noise_n: float, unread: bool = False) -> Trial:
         """The press as the rig would carry it out on a skin."""
         rows = frames(plan_from_presses([design.plain()]))
         time_s, depth, phase, count = (np.array(column) for column in zip(*rows, strict=True))
@@ -204,7 +212,7 @@ class Trial:
         unknown, press = np.full((len(time_s), 1), np.nan), np.zeros(len(time_s), dtype=np.int64)
         history = History(time_s, press, phase.astype(np.uint8), place, depth[:, None], unknown)
         force_n = skin.force_n(history)
-        return cls(history, count.astype(float), force_n, design.speed_m_per_s, noise_v, force_noise_n)
+        return cls(history, count.astype(float), force_n, design.speed_m_per_s, noise_v, force_noise_n, unread)
 
     def predicted(self, skin: Skin) -> Array:
         """Changes of all readings from rest, then the load cell's forces, in units of their noise."""
@@ -212,6 +220,8 @@ class Trial:
 
     def voltage(self, skin: Skin, history: History, force_n: Array) -> Array:
         """The readings' part; what moves within a scan moves at the stage's own speed."""
+        if self.unread:
+            return np.zeros(0)
         now = replace(skin, effects=tuple(_at_speed(effect, self.speed_m_per_s) for effect in skin.effects))
         readings = now.readings_v(history, force_n).reshape(len(history), -1)
         return np.asarray(np.sqrt(self.stands_for[1:, None]) * (readings[1:] - readings[0]) / self.noise_v).ravel()

@@ -43,6 +43,10 @@ class Repeatability:
         explained = self.ratio**2 - 1 < MOSTLY * (self.without**2 - 1)
         return self.without > MATERIAL and explained and self.between_repeats > MOSTLY
 
+    def left_of(self, ratio: float) -> float:
+        """What stays of another misfit over noise without what presses that differ make of it."""
+        return float(np.sqrt(max(ratio**2 - (self.without**2 - self.ratio**2), 1.0)))
+
     def plain(self) -> dict[str, float]:
         """For ``diagnosis.json``."""
         return {"landing_rms_m": self.landing_m, "strength_rms": self.strength, "ratio_with_presses_free": self.ratio}

@@ -16,16 +16,31 @@ BY_CHANCE = 1e-3
 def repeating(voltage_v: Array) -> NDArray[np.bool_]:
     """(T,M) where a channel of the readings (T,K,M) in volt gives just what it gave in the frame before.
 
-    NaN says nothing. Readings that never change, of the electrode tied to ground say, don't count unless the whole
-    channel never does; nor do frames that most channels repeat: those were written twice or bear no noise.
+    NaN says nothing. Readings that never change don't count unless the whole channel never does; nor do frames that
+    most channels repeat: those were written twice or bear no noise.
     """
     there = np.isfinite(voltage_v)
     known = there[1:] & there[:-1]
     same = known & (voltage_v[1:] == voltage_v[:-1])
     fixed = ~(known & ~same).any(axis=0)
-    telling = known & (~fixed | fixed.all(axis=0))
+    dead = fixed.all(axis=0)
+    dead &= dead.mean() < 0.5
+    telling = known & (~fixed | dead)
     count, alike = telling.sum(axis=1), (same & telling).sum(axis=1)
-    chance = float(np.median(alike.sum(axis=0) / np.maximum(count.sum(axis=0), 1)))
-    repeats = (count >= FEWEST) & (alike == count) & (chance**count * count.size < BY_CHANCE)
-    repeats &= repeats.mean(axis=1, keepdims=True) < 0.5
-    return np.vstack([repeats[:1] & repeats.all(axis=0), repeats])
+    repeats = (count >= FEWEST) & (alike == count) & (_by_chance(alike, count, dead) < BY_CHANCE)
+    repeats &= dead | ((repeats & ~dead).mean(axis=1, keepdims=True) < 0.5)
+    first = repeats.all(axis=0) if len(repeats) else np.zeros(voltage_v.shape[2], dtype=bool)
+    return np.vstack([first, repeats])
+
+
+def _by_chance(alike: NDArray[np.intp], count: NDArray[np.intp], dead: NDArray[np.bool_]) -> Array:
+    """(T-1,M) in how many frames and channels all ``count`` readings would be alike if single ones are so by chance.
+
+    As often as in the channel in the middle: over the recording or, but for ``dead`` ones, in the frame if that is
+    more, for frames in which nothing moves are more alike.
+    """
+    if not count.size:
+        return np.zeros(count.shape)
+    overall = float(np.median(alike.sum(axis=0) / np.maximum(count.sum(axis=0), 1)))
+    here = np.median(alike / np.maximum(count, 1), axis=1, keepdims=True)
+    return np.asarray(np.where(dead, overall, np.maximum(overall, here)) ** count * count.size)

@@ -25,8 +25,6 @@ REMEMBERED = 3
 """Places, pressed before a rest frame, that may not have recovered yet."""
 RESTLESS = 2.0
 """Scatter of a resting contact, in standard errors, from which it moves."""
-WANDERS = 0.5
-"""Part of a path's variance that its steps may make, from which on it doesn't wander but jitters: white noise has 1."""
 LEFT, ALONE = 0.2, 0.3
 """Parts of what changes between rest frames: left by all restless contacts, explained by one."""
 COLOURED = 0.05
@@ -71,7 +69,8 @@ def rested(skin: Skin, evidence: Evidence) -> Rested:
     misfit = float(np.sqrt(np.mean(((mean - scan) / mean_noise_v) ** 2)))
     clean = scans - _shares(scans - mean, columns, traces)[1]
     time_s, contacts = evidence.history.time_s[good], skin.contact_resistance_ohm
-    drift = _contact_drift(scans - mean, time_s, evidence.noise_v, columns, traces, contacts)
+    run = np.cumsum(~evidence.rest, dtype=np.intp)[good]
+    drift = _contact_drift(scans - mean, time_s, run, evidence.noise_v, columns, traces, contacts)
     noise = _scatter(clean, columns, evidence.noise_v)
     return Rested(skin, mean, mean_noise_v, misfit, drift, noise, every[..., : traces.shape[2]])
 
@@ -219,7 +218,9 @@ def _jittering(stray: Array, contacts: Array) -> int:
         return -1
     largest = stray[:, -1] / np.linalg.norm(stray[:, -1])
     along = np.abs(largest @ contacts) / np.linalg.norm(contacts, axis=0)
-    share = np.linalg.norm(np.linalg.lstsq(contacts, stray, rcond=None)[0], axis=1)
+    inverse = np.linalg.pinv(contacts)
+    # Beyond what white noise, one in every direction, would make of them.
+    share = np.sqrt(np.maximum(((inverse @ stray) ** 2).sum(axis=1) - (inverse**2).sum(axis=1), 0.0))
     loose = int(along.argmax())
     return loose if along[loose] > ALONG and share[loose] > STANDS_OUT * np.median(share) else -1
 
@@ -237,11 +238,18 @@ def _largest_by_chance(count: int, width: int) -> float:
 
 
 def _contact_drift(
-    change_v: Array, time_s: Array, noise_v: float, columns: Array, traces: Array, contacts: Array
+    change_v: Array,
+    time_s: Array,
+    run: NDArray[np.intp],
+    noise_v: float,
+    columns: Array,
+    traces: Array,
+    contacts: Array,
 ) -> tuple[Effect, ...]:
     """What each contact did over the recording, from its rest frames, where they wander beyond the noise.
 
-    A contact that is another one in every frame has no path that pressed frames could be told from: that is noise.
+    ``run`` (R,) numbers the rest frames' runs between presses. A contact that is another one in every run has no path
+    that pressed frames could be told from: that is noise.
     """
     if len(change_v) < ENOUGH_RESTS:
         return ()
@@ -257,7 +265,7 @@ def _contact_drift(
     return tuple(
         ContactDrift(k, tuple(time_s.tolist()), tuple((contacts[k] * _smoothed(moved[:, k], error[:, k])).tolist()))
         for k in wandering(rest, designs, traces.any(axis=1).sum(axis=1).tolist(), restless)
-        if steps_share(moved[:, k], error[:, k]) < WANDERS
+        if wanders(*_by_run(moved[:, k], error[:, k], run))
     )
 
 
@@ -284,14 +292,24 @@ def wandering(change: Array, designs: Sequence[Array], taken: Sequence[int], res
     return [k for k in restless if before - excess([k]) > ALONE * before]
 
 
-def steps_share(path: Array, error: Array) -> float:
-    """Half the mean square of a path's steps (R,) over its variance, both without the ``error`` (R,) it is seen with.
+def _by_run(path: Array, error: Array, run: NDArray[np.intp]) -> tuple[Array, Array]:
+    """Means of a path (R,) and their errors, run by run; as they are where there are too few runs."""
+    number, of, count = np.unique(run, return_inverse=True, return_counts=True)
+    if len(number) < ENOUGH_RESTS:
+        return path, error
+    mean = np.bincount(of, path) / count
+    return mean, np.sqrt(np.bincount(of, error**2)) / count
 
-    The ratio of J. von Neumann, Ann. Math. Stat. 12, 367 (1941): 1 for white noise, near nought for slow drifts.
+
+def wanders(path: Array, error: Array) -> bool:
+    """Whether a path (R,) seen with ``error`` (R,) goes from place to place rather than being anywhere every time.
+
+    By J. von Neumann's ratio, Ann. Math. Stat. 12, 367 (1941): half the mean square of the steps over the variance,
+    both without the error. White noise has 1, a random walk about 3 / (R + 1): half-way between is the limit.
     """
     noise = float((error**2).mean())
     steps = 0.5 * float((np.diff(path) ** 2).mean()) - noise
-    return steps / max(float(path.var(ddof=1)) - noise, 1e-12 * noise)
+    return steps < 0.5 * (1 + 3 / (len(path) + 1)) * (float(path.var(ddof=1)) - noise)
 
 
 def _smoothed(path: Array, error: Array) -> Array:

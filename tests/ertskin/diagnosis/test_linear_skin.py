@@ -124,7 +124,7 @@ def test_contact_derivatives_are_those_of_where_the_fit_is(skin: Skin, linear: L
         stray=np.zeros((pairs, 0)),
         traces=np.zeros((frames, pairs, 0)),
         leftover_share=1.0,
-        repeats=np.zeros(skin.protocol.shape[1]),
+        repeats=np.zeros(skin.protocol.shape[1], dtype=np.intp),
     )
     cells = np.zeros(frames, dtype=np.intp)
     problem = VoltageProblem(evidence, None, linear, None, cells, np.ones(frames))  # type: ignore[arg-type]

@@ -92,3 +92,14 @@ def test_what_refitting_absorbs_does_not_count(skin: Skin) -> None:
     found = told_apart(skin, rival, FEASIBLE.plain, NOISE_V, FORCE_NOISE_N)
     assert found < 0.5
     assert told_apart(skin, rival, FEASIBLE.plain, 1e-3 * NOISE_V, FORCE_NOISE_N) > found
+
+
+def test_foams_are_told_apart_by_force_alone_just_as_with_the_readings(
+    skin: Skin, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    own = replace(skin, effects=(PiezoHysteresis(width=0.02), ViscoelasticFoam(fraction=0.1, time_s=20.0)))
+    rival = replace(skin, effects=(PiezoHysteresis(width=0.02), FoamHysteresis(loss=0.03, reversal=0.1)))
+    by_force = told_apart(own, rival, FEASIBLE.plain, NOISE_V, FORCE_NOISE_N)
+    monkeypatch.setattr(design, "_read_alike", lambda skin, rival: False)
+    assert by_force == pytest.approx(told_apart(own, rival, FEASIBLE.plain, NOISE_V, FORCE_NOISE_N), rel=1e-6)
+    assert by_force > 1

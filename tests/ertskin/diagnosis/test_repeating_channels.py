@@ -32,6 +32,19 @@ def test_a_dead_channel_repeats_from_the_first_frame_on() -> None:
     found = repeating(voltage)
     assert found[:, 4].all()
     assert found.sum() == FRAMES
+    voltage[11] = voltage[10]
+    assert repeating(voltage)[:, 4].all()
+
+
+def test_one_frame_repeats_nothing() -> None:
+    assert repeating(readings()[:1]).shape == (1, CHANNELS)
+
+
+def test_frames_in_which_nothing_moves_may_be_alike() -> None:
+    rng = np.random.default_rng(1)
+    moving = np.arange(120) // 5 % 2
+    steps = 5000 + rng.integers(0, 4, (120, 276, 24)) * moving[:, None, None]
+    assert not repeating(np.round(steps + 0.01 * rng.standard_normal(steps.shape)) * 1e-4).any()
 
 
 def test_neither_coarse_steps_nor_frames_written_twice_nor_silence_are_frozen_channels() -> None:

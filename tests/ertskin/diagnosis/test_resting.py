@@ -12,8 +12,8 @@ from ertskin.diagnosis.resting import (
     _scatter,
     _shares,
     _undisturbed_mean,
-    steps_share,
     wandering,
+    wanders,
 )
 from physics.effects.contact_drift import ContactDrift
 
@@ -111,7 +111,8 @@ def test_contacts_that_all_jitter_are_how_the_skin_is_made() -> None:
     assert noise.jittering == -1
     time_s = np.arange(float(FRAMES))
     change = alike - alike.mean(axis=0)
-    assert _contact_drift(change, time_s, 1.0, columns, np.zeros_like(traces), np.full(CONTACTS, 300.0)) == ()
+    contacts, run = np.full(CONTACTS, 300.0), np.arange(FRAMES)
+    assert _contact_drift(change, time_s, run, 1.0, columns, np.zeros_like(traces), contacts) == ()
 
 
 def test_a_contact_that_drifts_is_followed() -> None:
@@ -120,19 +121,38 @@ def test_a_contact_that_drifts_is_followed() -> None:
     path = np.linspace(-1.0, 1.0, FRAMES) ** 3
     change = rng.standard_normal((FRAMES, NUMBERS)) + 10 * np.outer(path, columns[:, 5])
     (drift,) = _contact_drift(
-        change, np.arange(float(FRAMES)), 1.0, columns, np.zeros_like(traces), np.full(CONTACTS, 300.0)
+        change,
+        np.arange(float(FRAMES)),
+        np.arange(FRAMES),
+        1.0,
+        columns,
+        np.zeros_like(traces),
+        np.full(CONTACTS, 300.0),
     )
     assert isinstance(drift, ContactDrift)
     np.testing.assert_allclose(np.array(drift.ohm) / 300.0, 10 * path, atol=0.8)
 
 
-def test_steps_tell_a_walk_from_noise() -> None:
+def test_a_walk_is_told_from_noise() -> None:
     rng = np.random.default_rng(8)
-    none = np.zeros(200)
-    assert steps_share(rng.standard_normal(200), none) == pytest.approx(1.0, abs=0.25)
-    assert steps_share(np.cumsum(rng.standard_normal(200)), none) < 0.1
+    none = np.zeros(40)
+    assert not wanders(rng.standard_normal(40), none)
+    assert wanders(np.cumsum(rng.standard_normal(40)), none)
     seen = np.sin(np.arange(200) / 20) + rng.standard_normal(200)
-    assert steps_share(seen, np.ones(200)) < 0.3
+    assert wanders(seen, np.ones(200))
+    assert not wanders(seen, none)
+    few = [wanders(np.cumsum(rng.standard_normal(14)), none[:14]) for _ in range(200)]
+    assert np.mean(few) > 0.8
+
+
+def test_a_contact_that_changes_from_press_to_press_does_not_drift() -> None:
+    rng = np.random.default_rng(9)
+    columns, traces = columns_and_traces(rng)
+    run = np.repeat(np.arange(FRAMES // 3), 3)
+    loose = np.where(rng.random(FRAMES // 3) < 0.4, 10.0, 0.0)[run]
+    change = rng.standard_normal((FRAMES, NUMBERS)) + np.outer(loose - loose.mean(), columns[:, 2])
+    plain = (1.0, columns, np.zeros_like(traces), np.full(CONTACTS, 300.0))
+    assert _contact_drift(change, np.arange(float(FRAMES)), run, *plain) == ()
 
 
 def test_coloured_noise_is_known_as_well_as_it_says():
