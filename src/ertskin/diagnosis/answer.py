@@ -41,6 +41,8 @@ WORTH_SAYING = 0.05
 """Least confidence of a name that is said at all."""
 DOUBT = 2.0
 """Standard errors of the noise by which a misfit without a name must be more."""
+FROZEN = 0.02
+"""Part of the frames in which a channel must repeat its last readings to be a fault that a verdict is for."""
 STANDS_OUT = 3.0
 """Times the median by which a channel's standing error makes it the one that is wrong."""
 
@@ -71,6 +73,11 @@ class Case:
         """Channels that repeat their last readings at times."""
         return tuple(int(k) for k in np.flatnonzero(self.evidence.repeats))
 
+    @property
+    def frozen(self) -> tuple[int, ...]:
+        """Those that do so often enough to be a fault."""
+        return tuple(k for k in self.repeating if self.evidence.repeats[k] >= FROZEN * len(self.evidence.history))
+
 
 def answered(
     name: str,
@@ -84,7 +91,8 @@ def answered(
     force = force_answer(evidence, baseline, selection, found.held)
     case = Case(evidence, baseline, selection, found, force, _leftover_after(evidence, selection), differ)
     claims = _claims(case)
-    jitters = baseline.noise.jittering >= 0 and not claims
+    # Places that have not recovered look like a contact that jitters; once named they say why.
+    jitters = baseline.noise.jittering >= 0 and not (claims and evidence.traces.shape[2])
     verdict = _verdict(case, claims, jitters)
     if verdict in ("unexplained", "no_mismatch"):
         claims = []
@@ -94,12 +102,8 @@ def answered(
     axes = [axis for claim in claims for axis in AXES_OF.get(claim.effect.name, ())]
     if verdict == "unexplained":
         axes = ["electrode", "time"] if jitters else depends_on(tests_before)
-    stage = None if not claims else str(claims[0].effect.stage)
-    if verdict == "unexplained" and (case.instrument_off or case.repeating):
-        stage = str(Stage.ACQUISITION)
     electrodes = _electrodes(case, claims)
     if jitters:
-        stage = stage or str(Stage.ELECTRODES)
         electrodes = tuple(dict.fromkeys((*electrodes, baseline.noise.jittering)))
     position, radius = _place_of(claims)
     left = found.ratio_after if claims else found.ratio_before
@@ -109,7 +113,7 @@ def answered(
         HeldOut(
             SPLIT, evidence.noise_v, found.ratio_before, left, _p_value(found, claims), force.before_n, force.after_n
         ),
-        stage=stage,
+        stage=_stage(case, claims, verdict, jitters),
         electrodes=electrodes,
         position_m=position,
         radius_m=radius,
@@ -151,15 +155,27 @@ def _claims(case: Case) -> list[Claim]:
     return sorted(claims, key=lambda c: (c.effect.name == ContactDrift.name, -c.ratio_alone))
 
 
+def _stage(case: Case, claims: list[Claim], verdict: str, jitters: bool) -> str | None:
+    """Where in the chain the mismatch arises: the first claim's stage, or what is plainly wrong without a name."""
+    if claims:
+        return str(claims[0].effect.stage)
+    if verdict != "unexplained":
+        return None
+    nothing_else = case.found.ratio_before <= MATERIAL_RATIO and not case.force.off
+    if case.instrument_off or (case.frozen and nothing_else):
+        return str(Stage.ACQUISITION)
+    return str(Stage.ELECTRODES) if jitters else None
+
+
 def _verdict(case: Case, claims: list[Claim], jitters: bool) -> str:
-    beyond = case.instrument_off or bool(case.repeating)
+    beyond = case.instrument_off or bool(case.frozen)
     instrument = beyond or any(c.effect.stage == Stage.ACQUISITION for c in claims)
     mismatch = bool(case.force.claims) or case.force.off or instrument or jitters
     surely = 1 + DOUBT * case.baseline.noise.error
     press = case.evidence.history[case.found.held].press
     before = case.found.ratio_before if claims else broad_ratio(case.found.before, press) / surely
     verdict = verdict_of(before, case.found.ratio_after, bool(claims), mismatch)
-    if verdict == "explained" and (case.force.off or beyond):
+    if verdict == "explained" and (case.force.off or beyond or jitters):
         return "partly_explained"
     return verdict
 
@@ -225,10 +241,10 @@ def _voltage_claim(selection: Selection, chosen: Chosen, number: int) -> Claim:
 
 
 def _electrodes(case: Case, claims: list[Claim]) -> tuple[int, ...]:
-    """Electrodes and channels claimed, channels that repeat, and those whose readings no network explains."""
+    """Electrodes and channels claimed, channels that freeze, and those whose readings no network explains."""
     claimed = [getattr(c.effect, key, -1) for c in claims for key in ("electrode", "channel")]
     named = tuple(int(number) for number in claimed if number >= 0)
-    wrong = (*named, *case.repeating)
+    wrong = (*named, *case.frozen)
     if case.instrument_off:
         wrong = (*wrong, *_leftover_channels(case.evidence))
     return tuple(dict.fromkeys(wrong))

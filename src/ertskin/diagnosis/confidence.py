@@ -51,13 +51,13 @@ def left_over(claims: Sequence[Claim], before: float, after: float, presses_free
     A name for something else explains in part, and mostly the larger part: a torn patch taken for a field of
     sensitivity left a quarter of the misfit, 7 % of its square. ``presses_free`` is what stays of ``after`` on a rig
     whose presses don't repeat once each may land and press in its own way: that scatter speaks only against names for
-    what changes from place to place.
+    what changes from place to place or from electrode to electrode.
     """
 
     def share(claim: Claim) -> float:
         if claim.effect.stage == Stage.MECHANICS:
             return 1.0
-        placed = "place" in AXES_OF.get(claim.effect.name, ())
+        placed = "where" in _kind(claim)
         return _explained(before, after if placed or presses_free is None else presses_free)
 
     return [replace(c, confidence=c.confidence * share(c)) for c in claims]

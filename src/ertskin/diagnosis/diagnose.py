@@ -144,12 +144,12 @@ def _with_remainder(findings: Findings, selection: Selection, found: Predictions
 def _presses_that_differ(selection: Selection, skin: Skin) -> Repeatability | None:
     """How the presses fitted scatter, where that is most of what is left."""
     problem, residual = selection.problem, selection.after.scan_residual
-    evidence, history = problem.evidence, problem.evidence.history
+    linear, evidence, history = problem.linear, problem.evidence, problem.evidence.history
     rows = np.flatnonzero(history.touched.any(axis=1) & residual.any(axis=1))
 
     def scans(other: Skin, force_n: Array) -> Array:
         return evidence.frames(rows).discounted(problem.linear.scans(other, force_n)[rows] / evidence.noise_v)
 
-    place_m = history.contact_m[rows, 0]
-    found = repeatability(residual[rows], scans, skin, problem.linear.force_n, history.press[rows], place_m)
+    place_m, load_n = history.contact_m[rows, 0], np.nansum(linear.force_n[linear.wanted[rows]], axis=1)
+    found = repeatability(residual[rows], scans, skin, linear.force_n, history.press[rows], place_m, load_n)
     return found if found.matters else None

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import eigvalsh
 
 from ertskin.diagnosis.repeating_channels import repeating
 from hardware.recording import Recording
@@ -129,16 +130,20 @@ def gather(recording: Recording) -> Evidence:
     # An electrode read against itself gives nought in every scan.
     repeats = repeating(np.where(protocol.measurement.any(axis=-1), voltage, np.nan))
     voltage[np.broadcast_to(repeats[:, None], voltage.shape)] = np.nan
-    told = _told(protocol, voltage)
-    if not told[rest].any():
-        missing = ", ".join(map(str, np.flatnonzero(np.isnan(voltage[rest]).all(axis=(0, 1)))))
-        raise CannotTell(f"without the readings of channel {missing} this scan can't tell all pair resistances apart")
     limit = _saturation(voltage, protocol)
     if limit is not None:
         pinned = np.abs(voltage - limit) < 1e-9 + 2 * (protocol.adc_volts_per_count or 0.0)
         if pinned.mean() > 0.5:
             raise CannotTell(f"{pinned.mean():.0%} of the readings sit at {limit:.4g} V: the converter is saturated")
         voltage[pinned] = np.nan
+    told = _told(protocol, voltage)
+    if not told[rest].any():
+        lost = np.isnan(voltage[rest]) & protocol.measurement.any(axis=-1)
+        worst = int(lost.sum(axis=(0, 1)).argmax())
+        raise CannotTell(
+            f"the {lost.mean():.0%} of the readings at rest that are missing, repeated or at the converter's limit leave"
+            f" pair resistances untold; most of them are channel {worst}'s"
+        )
     try:
         scan, spike = despiked(protocol, voltage)
     except np.linalg.LinAlgError:
@@ -185,17 +190,21 @@ def gather(recording: Recording) -> Evidence:
 
 
 def _told(protocol: Protocol, voltage_v: Array) -> NDArray[np.bool_]:
-    """(T,) whether the channels there are in a frame of readings (T,K,M) tell all pair resistances apart.
+    """(T,) whether the readings there are in a frame (T,K,M) tell all pair resistances apart.
 
-    An electrode that is never the sink is known by its own channel alone.
+    An electrode that is never the sink, say, is known by its own channel alone, where it is the source.
     """
-    gone = np.isnan(voltage_v).all(axis=1)
+    rows = protocol.orthonormal
+    gone = np.isnan(voltage_v).reshape(len(voltage_v), -1) & rows.any(axis=1)
     patterns, of = np.unique(gone, axis=0, return_inverse=True)
-    told = []
-    for pattern in patterns:
-        kept = protocol.orthonormal.reshape(*protocol.shape, -1)[:, ~pattern].reshape(-1, protocol.orthonormal.shape[1])
-        told.append(bool(np.linalg.eigvalsh(kept.T @ kept)[0] > LEAST_TOLD))
-    return np.array(told)[of.ravel()]
+    held = np.array([1 - _largest(rows[pattern]) for pattern in patterns])
+    return (held > LEAST_TOLD)[of.ravel()]
+
+
+def _largest(rows: Array) -> float:
+    """Largest part of a combination of pair resistances, of size one, that rows (m,P) of an orthonormal basis hold."""
+    small = rows @ rows.T if len(rows) < rows.shape[1] else rows.T @ rows
+    return float(eigvalsh(small, subset_by_index=[len(small) - 1] * 2)[0]) if len(rows) else 0.0
 
 
 def _freedom(protocol: Protocol, there: NDArray[np.bool_]) -> Array:

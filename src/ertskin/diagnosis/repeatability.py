@@ -27,8 +27,8 @@ class Repeatability:
     """Scatter of the presses, rms: ``landing_m`` along either axis, ``strength`` relative.
 
     ``ratio`` is the misfit over noise with each press its own landing and strength, ``without`` the same without;
-    ``between_repeats`` the scatter among presses of one place over that among all, as a part of the variance, NaN where
-    no place was pressed twice.
+    ``between_repeats`` the scatter among presses of one place over that among all, as a part of the variance, what goes
+    with the load or is the first press's alone taken off; NaN where too few places were pressed twice.
     """
 
     landing_m: float
@@ -53,12 +53,18 @@ class Repeatability:
 
 
 def repeatability(
-    residual: Array, scans: Callable[[Skin, Array], Array], skin: Skin, force_n: Array, press: Indices, place_m: Array
+    residual: Array,
+    scans: Callable[[Skin, Array], Array],
+    skin: Skin,
+    force_n: Array,
+    press: Indices,
+    place_m: Array,
+    load_n: Array,
 ) -> Repeatability:
     """How presses scatter by the residual (n,P) of pressed frames, to first order.
 
-    ``scans`` (n,P) of a skin under forces (T,C) in newton, both in units of the noise; ``press`` (n,) and ``place_m``
-    (n,2) say which press a frame belongs to and where that was meant to be.
+    ``scans`` (n,P) of a skin under forces (T,C) in newton, both in units of the noise; ``press`` (n,), ``place_m`` (n,2)
+    and ``load_n`` (n,) say which press a frame belongs to, where that was meant to be and how hard it was.
     """
     here = scans(skin, force_n)
     moved = []
@@ -67,23 +73,30 @@ def repeatability(
         moved.append((scans(other, force_n) - here) / step_m)
     harder = (scans(skin, (1 + STEP) * force_n) - here) / STEP
     columns = np.stack([*moved, harder], axis=-1)
-    numbers, first = np.unique(press, return_index=True)
-    value, variance, left = [], [], 0.0
-    for number in numbers:
+    value, variance, place, peak_n, left = [], [], [], [], 0.0
+    for number in np.unique(press):
         mine = press == number
         design, wrong = columns[mine].reshape(-1, 3), residual[mine].ravel()
         inverse = np.linalg.pinv(design.T @ design)
-        value.append(inverse @ (design.T @ wrong))
-        variance.append(np.diag(inverse))
-        left += float(((wrong - design @ value[-1]) ** 2).sum())
+        change = inverse @ (design.T @ wrong)
+        left += float(((wrong - design @ change) ** 2).sum())
+        # A press that missed the skin has no landing.
+        if design.any(axis=0).all():
+            value.append(change)
+            variance.append(np.diag(inverse))
+            place.append(place_m[mine][0])
+            peak_n.append(load_n[mine].max())
+    without = float(np.sqrt((residual**2).mean()))
+    if not value:
+        return Repeatability(0.0, 0.0, without, without, float("nan"))
     found, error = np.array(value), np.array(variance)
     size = np.sqrt(np.maximum((found**2 - error).mean(axis=0), 0.0))
     return Repeatability(
         landing_m=float(np.sqrt((size[:2] ** 2).mean())),
         strength=float(size[2]),
         ratio=float(np.sqrt(left / residual.size)),
-        without=float(np.sqrt((residual**2).mean())),
-        between_repeats=_between_repeats(found / np.sqrt(error), place_m[first]),
+        without=without,
+        between_repeats=_between_repeats(found / np.sqrt(error), np.array(place), np.array(peak_n)),
     )
 
 
@@ -96,12 +109,16 @@ def _shifted(skin: Skin, key: str) -> tuple[Skin, float]:
     return replace(skin, effects=(*others, offset.changed({key: here_m + step_m}))), step_m
 
 
-def _between_repeats(value: Array, place_m: Array) -> float:
-    """Variance of the numbers (n,3), in standard errors, within places over their mean square."""
-    place = np.unique(np.round(place_m, 4), axis=0, return_inverse=True)[1].ravel()
-    within, freedom = 0.0, 0
-    for number in np.unique(place):
-        same = value[place == number]
-        within += float(((same - same.mean(axis=0)) ** 2).sum())
-        freedom += same.size - same.shape[1]
-    return within / freedom / max(float((value**2).mean()), 1e-300) if freedom else float("nan")
+def _between_repeats(value: Array, place_m: Array, peak_n: Array) -> float:
+    """Variance of the numbers (n,3), in standard errors, within places over their mean square.
+
+    What presses of one place do alike by how hard they are (n,) or by which came first is no scatter: a wrong law does
+    that, and a place that gives way.
+    """
+    _, first, place = np.unique(np.round(place_m, 4), axis=0, return_index=True, return_inverse=True)
+    member = place.ravel()[:, None] == np.arange(len(first))
+    alike = np.column_stack([member, peak_n / peak_n.max(), np.isin(np.arange(len(place_m)), first)]).astype(float)
+    fitted, _, rank, _ = np.linalg.lstsq(alike, value, rcond=1e-9)
+    within = ((value - alike @ fitted) ** 2).sum()
+    freedom = value.shape[1] * (len(value) - int(rank))
+    return float(within) / freedom / max(float((value**2).mean()), 1e-300) if freedom else float("nan")

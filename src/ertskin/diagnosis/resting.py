@@ -34,6 +34,8 @@ JITTER, ALONG = 1.03, 0.8
 """Misfit over noise that a jittering contact must make, and the cosine between what is seen and what it would do."""
 STANDS_OUT = 3.0
 """Times the median share of its resistance by which a contact jitters if it is the one that is loose."""
+TWO_SIGMA = 2.0
+"""Standard deviations of von Neumann's ratio below that of white noise, from which a contact drifts."""
 SURELY = 5.0
 """Standard deviations of chance above which places are taken not to have recovered."""
 CHANCES, RARELY = 400, 0.01
@@ -71,7 +73,7 @@ def rested(skin: Skin, evidence: Evidence) -> Rested:
     time_s, contacts = evidence.history.time_s[good], skin.contact_resistance_ohm
     run = np.cumsum(~evidence.rest, dtype=np.intp)[good]
     drift = _contact_drift(scans - mean, time_s, run, evidence.noise_v, columns, traces, contacts)
-    noise = _scatter(clean, columns, evidence.noise_v)
+    noise = _scatter(clean, run, columns, evidence.noise_v)
     return Rested(skin, mean, mean_noise_v, misfit, drift, noise, every[..., : traces.shape[2]])
 
 
@@ -183,30 +185,51 @@ class Noise:
     jittering: int = -1
 
 
-def _scatter(scans: Array, columns: Array, reading_v: float) -> Noise:
-    """The noise of rest frames (R,P).
+def _scatter(scans: Array, run: NDArray[np.intp], columns: Array, reading_v: float) -> Noise:
+    """The noise of rest frames (R,P), of which ``run`` (R,) numbers the runs between presses.
 
     From second differences of the rest frames, in which a steady drift is nothing. Coloured noise weighs more in the
-    scans than in what no network explains; contacts that jitter do so along their ``columns`` (P,n). The median over
-    the frames lets a few odd ones pass, and white noise within its own scatter leaves the reading's noise as it is.
+    scans than in what no network explains; contacts that jitter do so along their ``columns`` (P,n), from frame to
+    frame or from run to run. The median over the frames lets a few odd ones pass, and white noise within its own
+    scatter leaves the reading's noise as it is.
     """
     count, width = scans.shape
     space = np.linalg.qr(columns)[0]
     freedom = width - space.shape[1]
     if count < ENOUGH_RESTS or freedom <= 0:
         return Noise(reading_v, 0.0, np.zeros((width, 0)))
-    jump = np.diff(scans, n=2, axis=0) / np.sqrt(6)
-    inside = jump @ space
-    squares = ((jump - inside @ space.T) ** 2).sum(axis=1) / freedom
+    jump = _jumps(scans)
+    squares = ((jump - jump @ space @ space.T) ** 2).sum(axis=1) / freedom
     outside = float(np.median(squares))
     coloured = outside > ((1 + COLOURED) * reading_v) ** 2
     noise_v = max(reading_v, float(np.sqrt(outside))) if coloured else reading_v
     # Of a median, half of it for the root; the squares of overlapping second differences count half.
     error = 0.5 * 1.25 * float(squares.std()) / outside / np.sqrt(len(jump) / 2) if coloured else 0.0
-    size, axes = np.linalg.eigh(inside.T @ inside / len(jump) / noise_v**2)
-    more = size > _largest_by_chance(count, len(size))
-    stray = space @ axes[:, more] * np.sqrt(size[more] - 1)
+    inside = scans @ space / noise_v
+    stray = space @ max(_stray(_jumps(inside)), _stray(_jumps_of_runs(inside, run)), key=np.linalg.norm)
     return Noise(noise_v, error, stray, -1 if coloured else _jittering(stray, columns[:, :-1]))
+
+
+def _jumps(scans: Array) -> Array:
+    """(R-2,P) second differences of scans (R,P), as large as the scans' noise."""
+    return np.diff(scans, n=2, axis=0) / np.sqrt(6)
+
+
+def _jumps_of_runs(scans: Array, run: NDArray[np.intp]) -> Array:
+    """(J,P) the same of frames from runs on end: one of each, then another of each, as often as most runs allow."""
+    _, first, count = np.unique(run, return_index=True, return_counts=True)
+    turns = int(np.median(count)) if len(first) >= ENOUGH_RESTS else 0
+    found = [_jumps(scans[first + turn % count]) for turn in range(turns)]
+    return np.concatenate([np.empty((0, scans.shape[1])), *found])
+
+
+def _stray(jump: Array) -> Array:
+    """(n,k) the directions in which jumps (J,n) are larger than white noise of one would be, as long as the excess."""
+    if not len(jump):
+        return np.zeros((jump.shape[1], 0))
+    size, axes = np.linalg.eigh(jump.T @ jump / len(jump))
+    more = size > _largest_by_chance(len(jump) + 2, len(size))
+    return np.asarray(axes[:, more] * np.sqrt(size[more] - 1))
 
 
 def _jittering(stray: Array, contacts: Array) -> int:
@@ -219,8 +242,7 @@ def _jittering(stray: Array, contacts: Array) -> int:
     largest = stray[:, -1] / np.linalg.norm(stray[:, -1])
     along = np.abs(largest @ contacts) / np.linalg.norm(contacts, axis=0)
     inverse = np.linalg.pinv(contacts)
-    # Beyond what white noise, one in every direction, would make of them.
-    share = np.sqrt(np.maximum(((inverse @ stray) ** 2).sum(axis=1) - (inverse**2).sum(axis=1), 0.0))
+    share = np.sqrt(((inverse @ stray) ** 2).sum(axis=1))
     loose = int(along.argmax())
     return loose if along[loose] > ALONG and share[loose] > STANDS_OUT * np.median(share) else -1
 
@@ -249,7 +271,8 @@ def _contact_drift(
     """What each contact did over the recording, from its rest frames, where they wander beyond the noise.
 
     ``run`` (R,) numbers the rest frames' runs between presses. A contact that is another one in every run has no path
-    that pressed frames could be told from: that is noise.
+    that pressed frames could be told from: that is noise. Of fewer than five runs nothing tells the two apart, and a
+    contact that isn't the same in them drifts.
     """
     if len(change_v) < ENOUGH_RESTS:
         return ()
@@ -305,11 +328,14 @@ def wanders(path: Array, error: Array) -> bool:
     """Whether a path (R,) seen with ``error`` (R,) goes from place to place rather than being anywhere every time.
 
     By J. von Neumann's ratio, Ann. Math. Stat. 12, 367 (1941): half the mean square of the steps over the variance,
-    both without the error. White noise has 1, a random walk about 3 / (R + 1): half-way between is the limit.
+    both without the error. White noise has 1, a random walk about 3 / (R + 1): half-way between is the limit, or where
+    white noise comes once in fifty if that is less.
     """
+    count = len(path)
+    rarely = 1 - TWO_SIGMA * np.sqrt((count - 2) / (count**2 - 1))
     noise = float((error**2).mean())
     steps = 0.5 * float((np.diff(path) ** 2).mean()) - noise
-    return steps < 0.5 * (1 + 3 / (len(path) + 1)) * (float(path.var(ddof=1)) - noise)
+    return steps < min(0.5 * (1 + 3 / (count + 1)), rarely) * (float(path.var(ddof=1)) - noise)
 
 
 def _smoothed(path: Array, error: Array) -> Array:

@@ -43,6 +43,15 @@ def verdict(recording: Recording) -> Diagnosis:
     return diagnose_any(recording, "bad", lambda share, text: None, "fast").diagnosis
 
 
+def _first_contact_at_the_limit(recording: Recording) -> np.ndarray:
+    """Readings with those of electrode 0 that its own contact is part of beyond the others, all at one value."""
+    assert recording.frames is not None
+    assert recording.protocol is not None
+    voltage = np.array(recording.frames.voltage_v, dtype=float)
+    voltage[:, recording.protocol.injection_current_a[:, 0] != 0, 0] = 1.2 * voltage.max()
+    return voltage
+
+
 def test_what_is_missing_is_said(recording: Recording) -> None:
     frames = recording.frames
     assert frames is not None
@@ -61,6 +70,7 @@ def test_what_is_missing_is_said(recording: Recording) -> None:
         "no protocol": replace(recording, protocol=None),
         "no rest frames": some_frames(recording, np.flatnonzero(phase != 0)),
         "channel 0": reading(recording, np.where(np.arange(voltage.shape[2]) == 0, np.nan, voltage)),
+        "at the converter's limit leave": reading(recording, _first_contact_at_the_limit(recording)),
         "1 press:": some_frames(recording, np.flatnonzero(press == press[len(press) // 2])),
         "specimen": replace(recording, specimen=None),
         "no reading is a number": reading(recording, np.full_like(voltage, np.nan)),

@@ -41,14 +41,29 @@ def test_what_was_left_out_is_named_and_predicts(tmp_path: Path, name: str) -> N
 
 @pytest.mark.timeout(300)
 @pytest.mark.parametrize(
-    ("name", "key", "words"),
-    [("frozen_channel", "channel", "repeats"), ("intermittent_electrode", "electrode", "loose")],
+    ("name", "key", "words", "stage"),
+    [
+        ("frozen_channel", "channel", "repeats", "acquisition"),
+        ("intermittent_electrode", "electrode", "loose", "electrodes"),
+    ],
 )
-def test_what_has_no_name_is_said_with_its_place(tmp_path: Path, name: str, key: str, words: str) -> None:
+def test_what_has_no_name_is_said_with_its_place(tmp_path: Path, name: str, key: str, words: str, stage: str) -> None:
     path = tmp_path / "hidden.h5"
     truth = write_bench(path, "quick", {name: 2.0}, seed=7, resolution=FAST)
     found = diagnose_any(read_recording(path), path.name, lambda share, text: None, "fast").diagnosis
     assert found.verdict == "unexplained"
     assert not found.claims
     assert found.electrodes == (truth.parameters(name)[key],)
+    assert found.stage == stage
     assert words in (found.reason or "")
+
+
+@pytest.mark.timeout(300)
+def test_a_loose_contact_is_said_beside_what_is_named(tmp_path: Path) -> None:
+    path = tmp_path / "hidden.h5"
+    truth = write_bench(path, "quick", {"intermittent_electrode": 2.0, "crosstalk": 1.0}, seed=7, resolution=FAST)
+    found = diagnose_any(read_recording(path), path.name, lambda share, text: None, "fast").diagnosis
+    assert found.claims[0].effect.name == "crosstalk"
+    assert found.verdict == "partly_explained"
+    assert truth.parameters("intermittent_electrode")["electrode"] in found.electrodes
+    assert "loose" in (found.reason or "")

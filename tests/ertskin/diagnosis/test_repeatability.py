@@ -35,9 +35,9 @@ def presses(place_m: np.ndarray, force_n: np.ndarray) -> History:
     return History(0.5 * np.arange(3 * count), np.repeat(np.arange(count), 3), phase, contact, depth, force)
 
 
-def found(skin: Skin, landing_m: np.ndarray, strength: np.ndarray):  # type: ignore[no-untyped-def]
+def found(skin: Skin, landing_m: np.ndarray, strength: np.ndarray, force_n: float | np.ndarray = 3.0):  # type: ignore[no-untyped-def]
     """What is said of presses that landed ``landing_m`` (N,2) off and pressed ``strength`` (N,) times as hard."""
-    place, force = np.tile(PLACES, (VISITS, 1)), np.full(len(PLACES) * VISITS, 3.0)
+    place, force = np.tile(PLACES, (VISITS, 1)), np.broadcast_to(force_n, len(PLACES) * VISITS)
     told, real = presses(place, force), presses(place + landing_m, force * strength)
     rows = np.flatnonzero(told.touched.any(axis=1))
 
@@ -49,7 +49,9 @@ def found(skin: Skin, landing_m: np.ndarray, strength: np.ndarray):  # type: ign
     seen = seen + NOISE_V * np.random.default_rng(0).standard_normal(seen.shape)
     force_n = np.nan_to_num(told.force_n)
     residual = seen.reshape(len(rows), -1) @ skin.protocol.orthonormal / NOISE_V - scans(skin, force_n)
-    return repeatability(residual, scans, skin, force_n, told.press[rows], told.contact_m[rows, 0])
+    return repeatability(
+        residual, scans, skin, force_n, told.press[rows], told.contact_m[rows, 0], force_n[rows].sum(axis=1)
+    )
 
 
 def test_presses_that_scatter_are_found_with_how_much(skin: Skin) -> None:
@@ -69,6 +71,23 @@ def test_places_that_differ_are_not_presses_that_differ(skin: Skin) -> None:
     scatter = found(skin, np.zeros((15, 2)), strength)
     assert scatter.between_repeats < 0.3
     assert not scatter.matters
+
+
+def test_what_goes_with_the_load_or_with_the_first_press_is_no_scatter(skin: Skin) -> None:
+    stay = np.zeros((15, 2))
+    first = np.where(np.arange(15) < len(PLACES), 1.08, 0.96)
+    load_n = np.repeat([2.0, 4.0, 3.0], len(PLACES))
+    for strength in (first, 0.8 + load_n / 15):
+        scatter = found(skin, stay, strength, load_n)
+        assert scatter.without > 1.2
+        assert not scatter.matters
+
+
+def test_a_press_that_missed_the_skin_takes_no_part(skin: Skin) -> None:
+    rng = np.random.default_rng(1)
+    strength = 1 + 0.08 * rng.standard_normal(15)
+    load_n = np.where(np.arange(15) == 7, 0.0, 3.0)
+    assert found(skin, 3e-4 * rng.standard_normal((15, 2)), strength, load_n).matters
 
 
 def test_presses_that_repeat_leave_nothing_to_say(skin: Skin) -> None:

@@ -36,6 +36,31 @@ def test_a_dead_channel_repeats_from_the_first_frame_on() -> None:
     assert repeating(voltage)[:, 4].all()
 
 
+def test_a_frame_without_readings_hides_no_repeat() -> None:
+    voltage = readings()
+    voltage[..., 4] = 0.3
+    voltage[7:10, :, 2] = voltage[6, :, 2]
+    voltage[[1, 8]] = np.nan
+    found = repeating(voltage)
+    assert found[:, 4].all()
+    assert found[[7, 9], 2].all()
+    assert found[:, 2].sum() == 2
+
+
+def test_half_of_the_channels_may_freeze_together() -> None:
+    voltage = readings()
+    voltage[7:10, :, :3] = voltage[6, :, :3]
+    found = repeating(voltage)
+    assert found[7:10, :3].all()
+    assert found.sum() == 9
+
+
+def test_a_quiet_channel_on_a_coarse_converter_is_alike_by_chance() -> None:
+    rng = np.random.default_rng(2)
+    noise = rng.standard_normal((400, 16, 16)) * np.where(np.arange(16) == 3, 0.2, 1.0)
+    assert not repeating(np.round(rng.random((16, 16)) * 50 + noise)).any()
+
+
 def test_one_frame_repeats_nothing() -> None:
     assert repeating(readings()[:1]).shape == (1, CHANNELS)
 

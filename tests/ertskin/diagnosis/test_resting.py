@@ -18,6 +18,8 @@ from ertskin.diagnosis.resting import (
 from physics.effects.contact_drift import ContactDrift
 
 CONTACTS, NUMBERS, FRAMES = 8, 60, 30
+EACH = np.arange(FRAMES)
+"""Runs of one rest frame each."""
 
 
 def columns_and_traces(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
@@ -82,23 +84,23 @@ def test_the_undisturbed_mean_knows_neither_creep_nor_drift() -> None:
 def test_white_noise_strays_in_no_direction() -> None:
     rng = np.random.default_rng(4)
     columns, _ = columns_and_traces(rng)
-    found = [_scatter(rng.standard_normal((FRAMES, NUMBERS)), columns, 1.0).stray.shape[1] for _ in range(40)]
+    found = [_scatter(rng.standard_normal((FRAMES, NUMBERS)), EACH, columns, 1.0).stray.shape[1] for _ in range(40)]
     assert np.mean(np.array(found) > 0) <= 0.1
     jitter = rng.standard_normal((FRAMES, NUMBERS)) + np.outer(4 * rng.standard_normal(FRAMES), columns[:, 2])
-    assert _scatter(jitter, columns, 1.0).stray.shape[1] == 1
+    assert _scatter(jitter, EACH, columns, 1.0).stray.shape[1] == 1
     assert _largest_by_chance(200, 9) < _largest_by_chance(20, 9)
 
 
 def test_a_contact_that_jitters_is_named_and_noise_is_not() -> None:
     rng = np.random.default_rng(5)
     columns, _ = columns_and_traces(rng)
-    white = [_scatter(rng.standard_normal((FRAMES, NUMBERS)), columns, 1.0).jittering for _ in range(100)]
+    white = [_scatter(rng.standard_normal((FRAMES, NUMBERS)), EACH, columns, 1.0).jittering for _ in range(100)]
     assert max(white) == -1
     unit = columns[:, 2] / np.linalg.norm(columns[:, 2])
     jitter = rng.standard_normal((FRAMES, NUMBERS)) + np.outer(8 * rng.standard_normal(FRAMES), unit)
-    assert _scatter(jitter, columns, 1.0).jittering == 2
+    assert _scatter(jitter, EACH, columns, 1.0).jittering == 2
     # Coloured noise strays along contacts too.
-    assert _scatter(1.5 * jitter, columns, 1.0).jittering == -1
+    assert _scatter(1.5 * jitter, EACH, columns, 1.0).jittering == -1
 
 
 def test_contacts_that_all_jitter_are_how_the_skin_is_made() -> None:
@@ -106,13 +108,33 @@ def test_contacts_that_all_jitter_are_how_the_skin_is_made() -> None:
     columns, traces = columns_and_traces(rng)
     unit = columns[:, :CONTACTS] / np.linalg.norm(columns[:, :CONTACTS], axis=0)
     alike = rng.standard_normal((FRAMES, NUMBERS)) + 8 * rng.standard_normal((FRAMES, CONTACTS)) @ unit.T
-    noise = _scatter(alike, columns, 1.0)
-    assert noise.stray.shape[1] == CONTACTS
-    assert noise.jittering == -1
+    assert _scatter(alike, EACH, columns, 1.0).stray.shape[1] == CONTACTS
     time_s = np.arange(float(FRAMES))
     change = alike - alike.mean(axis=0)
     contacts, run = np.full(CONTACTS, 300.0), np.arange(FRAMES)
     assert _contact_drift(change, time_s, run, 1.0, columns, np.zeros_like(traces), contacts) == ()
+
+
+def test_none_of_many_contacts_that_jitter_alike_is_the_loose_one() -> None:
+    rng = np.random.default_rng(10)
+    named = []
+    for _ in range(60):
+        columns = rng.standard_normal((NUMBERS, CONTACTS + 1)) * np.exp(0.5 * rng.standard_normal(CONTACTS + 1)) / 5
+        alike = rng.standard_normal((FRAMES, CONTACTS)) @ columns[:, :CONTACTS].T
+        named.append(_scatter(rng.standard_normal((FRAMES, NUMBERS)) + alike, EACH, columns, 1.0).jittering)
+    assert np.mean(np.array(named) >= 0) <= 0.1
+
+
+def test_a_contact_that_is_another_one_in_every_run_scatters_by_all_of_that() -> None:
+    rng = np.random.default_rng(11)
+    columns, _ = columns_and_traces(rng)
+    unit = columns[:, 2] / np.linalg.norm(columns[:, 2])
+    for rests in (1, 2, 5, 20):
+        run = np.repeat(np.arange(36), rests)
+        moved = 8 * rng.standard_normal(36)[run]
+        noise = _scatter(rng.standard_normal((len(run), NUMBERS)) + np.outer(moved, unit), run, columns, 1.0)
+        assert np.linalg.norm(noise.stray) == pytest.approx(moved.std(), rel=0.25)
+        assert noise.jittering == 2
 
 
 def test_a_contact_that_drifts_is_followed() -> None:
@@ -141,8 +163,10 @@ def test_a_walk_is_told_from_noise() -> None:
     seen = np.sin(np.arange(200) / 20) + rng.standard_normal(200)
     assert wanders(seen, np.ones(200))
     assert not wanders(seen, none)
-    few = [wanders(np.cumsum(rng.standard_normal(14)), none[:14]) for _ in range(200)]
-    assert np.mean(few) > 0.8
+    for count, least in ((7, 0.25), (14, 0.75), (24, 0.9)):
+        error = np.zeros(count)
+        assert np.mean([wanders(rng.standard_normal(count), error) for _ in range(500)]) < 0.04
+        assert np.mean([wanders(np.cumsum(rng.standard_normal(count)), error) for _ in range(500)]) > least
 
 
 def test_a_contact_that_changes_from_press_to_press_does_not_drift() -> None:
@@ -159,8 +183,8 @@ def test_coloured_noise_is_known_as_well_as_it_says():
     rng = np.random.default_rng(2)
     columns = rng.standard_normal((NUMBERS, 5))
     width = np.exp(0.7 * rng.standard_normal(NUMBERS))
-    found = [_scatter(width * rng.standard_normal((FRAMES, NUMBERS)), columns, 0.5) for _ in range(200)]
+    found = [_scatter(width * rng.standard_normal((FRAMES, NUMBERS)), EACH, columns, 0.5) for _ in range(200)]
     rms = np.array([noise.rms_v for noise in found])
     stated = np.mean([noise.error for noise in found])
     assert stated == pytest.approx(rms.std() / rms.mean(), rel=0.4)
-    assert _scatter(rng.standard_normal((FRAMES, NUMBERS)), columns, 1.0).error == 0.0
+    assert _scatter(rng.standard_normal((FRAMES, NUMBERS)), EACH, columns, 1.0).error == 0.0
