@@ -141,8 +141,8 @@ def gather(recording: Recording) -> Evidence:
         lost = np.isnan(voltage[rest]) & protocol.measurement.any(axis=-1)
         worst = int(lost.sum(axis=(0, 1)).argmax())
         raise CannotTell(
-            f"the {lost.mean():.0%} of the readings at rest that are missing, repeated or at the converter's limit leave"
-            f" pair resistances untold; most of them are channel {worst}'s"
+            f"the {lost.mean():.0%} of the readings at rest that are missing, repeated or at the converter's limit"
+            f" leave pair resistances untold; most of them are channel {worst}'s"
         )
     try:
         scan, spike = despiked(protocol, voltage)

@@ -63,8 +63,8 @@ def repeatability(
 ) -> Repeatability:
     """How presses scatter by the residual (n,P) of pressed frames, to first order.
 
-    ``scans`` (n,P) of a skin under forces (T,C) in newton, both in units of the noise; ``press`` (n,), ``place_m`` (n,2)
-    and ``load_n`` (n,) say which press a frame belongs to, where that was meant to be and how hard it was.
+    ``scans`` (n,P) of a skin under forces (T,C) in newton, both in units of the noise; ``press`` (n,), ``place_m``
+    (n,2) and ``load_n`` (n,) say which press a frame belongs to, where that was meant to be and how hard it was.
     """
     here = scans(skin, force_n)
     moved = []

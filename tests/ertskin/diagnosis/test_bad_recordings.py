@@ -70,7 +70,7 @@ def test_what_is_missing_is_said(recording: Recording) -> None:
         "no protocol": replace(recording, protocol=None),
         "no rest frames": some_frames(recording, np.flatnonzero(phase != 0)),
         "channel 0": reading(recording, np.where(np.arange(voltage.shape[2]) == 0, np.nan, voltage)),
-        "at the converter's limit leave": reading(recording, _first_contact_at_the_limit(recording)),
+        "at the converter's limit": reading(recording, _first_contact_at_the_limit(recording)),
         "1 press:": some_frames(recording, np.flatnonzero(press == press[len(press) // 2])),
         "specimen": replace(recording, specimen=None),
         "no reading is a number": reading(recording, np.full_like(voltage, np.nan)),
