@@ -129,7 +129,8 @@ class Skin:
         for spot in np.unique(contact_m[there], axis=0):
             unit = self.pressure.at(position_m - spot)
             share = np.where(there & (contact_m == spot).all(axis=-1), force_n, 0.0).sum(axis=1)
-            total += share[:, None] * unit
+            pressed = np.flatnonzero(share)
+            total[pressed] += share[pressed, None] * unit
         return total
 
     # piezoresistance -----------------------------------------------------------------------------------------------

@@ -152,8 +152,16 @@ class PiezoEffect(Effect):
         """(T,N) pascal, from pressures (T,N) at points (N,2) over times (T,); ``extent_m`` (2,2) the sheet's box."""
         raise NotImplementedError
 
-    def resistance_factor(self, pressure_pa: Array, position_m: Array, time_s: Array, extent_m: Array) -> Array | float:
-        """(T,N) factor on the law's resistance, from the pressures (T,N) before this effect."""
+    def resistance_factor(
+        self,
+        pressure_pa: Array,
+        position_m: Array,
+        time_s: Array,
+        extent_m: Array,
+        wanted: NDArray[np.intp] | None = None,
+    ) -> Array | float:
+        """(n,N) factor on the law's resistance at the ``wanted`` times (n,), all T by default, from the pressures (T,N)
+        before this effect."""
         return 1.0
 
 

@@ -26,16 +26,25 @@ def relaxing(
     does so within the first ``moves_s`` of a step, one that comes from nothing within the last. Where ``cleared`` (T,)
     the memory is empty: h = drive.
     """
+    decay, gains = _decay_and_gains(time_s, constant_s, moves_s)
+    memory = np.empty(drive.shape)
+    flat = np.ascontiguousarray(drive).reshape(len(drive), -1)
+    _relax(memory.reshape(len(drive), -1), flat, decay, gains, _forgets(drive, cleared))
+    return memory
+
+
+def _decay_and_gains(time_s: Array, constant_s: float, moves_s: float) -> tuple[Array, Array]:
+    """What a step leaves of the memory (T,), and what it takes in (3,T) of a drive that changes over all of the step,
+    at its beginning or at its end."""
     step = np.diff(time_s, prepend=time_s[0])
     moving = np.minimum(step, moves_s)
     standing = np.exp(-(step - moving) / constant_s)
     coming = _ramped(moving / constant_s)
-    gains = np.stack([_ramped(step / constant_s), coming * standing, coming])
-    forget = np.zeros(len(drive), dtype=np.bool_) if cleared is None else cleared
-    memory = np.empty_like(drive)
-    flat = np.ascontiguousarray(drive).reshape(len(drive), -1)
-    _step(memory.reshape(len(drive), -1), flat, np.exp(-step / constant_s), gains, forget)
-    return memory
+    return np.exp(-step / constant_s), np.stack([_ramped(step / constant_s), coming * standing, coming])
+
+
+def _forgets(drive: Array, cleared: NDArray[np.bool_] | None) -> NDArray[np.bool_]:
+    return np.zeros(len(drive), dtype=np.bool_) if cleared is None else cleared
 
 
 def _ramped(share: Array) -> Array:
@@ -43,32 +52,67 @@ def _ramped(share: Array) -> Array:
     return np.where(share > 0, -np.expm1(-share) / np.where(share > 0, share, 1.0), 1.0)
 
 
+@njit(cache=True, nogil=True, inline="always")
+def _way(before, now):  # type: ignore[no-untyped-def]
+    """Which gain a step has: 1 if the drive leaves for nothing, 2 if it comes from nothing, else 0."""
+    before, now = abs(before), abs(now)
+    return 1 if now < AIR * before else 2 if before < AIR * now else 0
+
+
 @njit(cache=True, nogil=True)
-def _step(memory, drive, decay, gains, forget):  # type: ignore[no-untyped-def]
+def _relax(memory, drive, decay, gains, forget):  # type: ignore[no-untyped-def]
     memory[0] = drive[0]
     for t in range(1, len(drive)):
         for n in range(drive.shape[1]):
             if forget[t]:
                 memory[t, n] = drive[t, n]
                 continue
-            before, now = abs(drive[t - 1, n]), abs(drive[t, n])
-            way = 1 if now < AIR * before else 2 if before < AIR * now else 0
-            memory[t, n] = decay[t] * memory[t - 1, n] + gains[way, t] * (drive[t, n] - drive[t - 1, n])
+            gain = gains[_way(drive[t - 1, n], drive[t, n]), t]
+            memory[t, n] = decay[t] * memory[t - 1, n] + gain * (drive[t, n] - drive[t - 1, n])
+
+
+@njit(cache=True, nogil=True)
+def _lag(taken, drive, decay, gains, forget):  # type: ignore[no-untyped-def]
+    """All time constants at once, ``decay`` (K,T) and ``gains`` (K,3,T): their memories stay in cache."""
+    points, constants = drive.shape[1], len(decay)
+    memory, way = np.empty((constants, points)), np.empty(points, dtype=np.int8)
+    memory[:] = drive[0]
+    taken[:] = 0.0
+    for t in range(1, len(drive)):
+        if forget[t]:
+            memory[:] = drive[t]
+            continue
+        for n in range(points):
+            way[n] = _way(drive[t - 1, n], drive[t, n])
+        for k in range(constants):
+            left, along, leaving, coming = decay[k, t], gains[k, 0, t], gains[k, 1, t], gains[k, 2, t]
+            for n in range(points):
+                gain = leaving if way[n] == 1 else coming if way[n] == 2 else along
+                memory[k, n] = left * memory[k, n] + gain * (drive[t, n] - drive[t - 1, n])
+                taken[t, n] += drive[t, n] - memory[k, n]
+        for n in range(points):
+            taken[t, n] /= constants
 
 
 def lagging(
     drive: Array,
     time_s: Array,
-    constant_s: float,
+    constants_s: Array,
     cleared: NDArray[np.bool_] | None = None,
     *,
     moves_s: float = np.inf,
 ) -> Array:
-    """(T,...) m with m' = (drive - m)/tau, starting at rest: what of the drive has been taken in by now.
+    """(T,...) mean over the time constants (K,) of m with m' = (drive - m)/tau, starting at rest.
 
-    Where ``cleared`` (T,) nothing has: m = 0. ``moves_s`` as of ``relaxing``.
+    That is what has been taken in of the drive (T,...); where ``cleared`` (T,) nothing has. ``moves_s`` as of
+    ``relaxing``.
     """
-    return drive - relaxing(drive, time_s, constant_s, cleared, moves_s=moves_s)
+    steps = [_decay_and_gains(time_s, constant_s, moves_s) for constant_s in constants_s]
+    decay, gains = (np.stack(one) for one in zip(*steps, strict=True))
+    taken = np.empty(drive.shape)
+    flat = np.ascontiguousarray(drive).reshape(len(drive), -1)
+    _lag(taken.reshape(len(drive), -1), flat, decay, gains, _forgets(drive, cleared))
+    return taken
 
 
 def moves_within_s(time_s: Array) -> float:

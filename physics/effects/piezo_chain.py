@@ -12,18 +12,24 @@ from physics.piezo.polynomial import PiezoPolynomial
 
 
 def felt(
-    effects: Sequence[Effect], pressure_pa: Array, position_m: Array, time_s: Array, extent_m: Array
+    effects: Sequence[Effect],
+    pressure_pa: Array,
+    position_m: Array,
+    time_s: Array,
+    extent_m: Array,
+    wanted: NDArray[np.intp] | None = None,
 ) -> tuple[Array, Array]:
-    """(T,N) pressure in pascal that the law answers to and (T,N) or (1,1) factor on its resistance.
+    """(n,N) pressure in pascal that the law answers to and (n,N) or (1,1) factor on its resistance.
 
-    ``pressure_pa`` (T,N) in recording order at points (N,2) over times (T,); ``extent_m`` (2,2) the sheet's box.
+    At the ``wanted`` times (n,), all T by default, from ``pressure_pa`` (T,N) in recording order at points (N,2) over
+    times (T,); ``extent_m`` (2,2) the sheet's box.
     """
     factor = np.ones((1, 1))
     chain = [effect for effect in effects if isinstance(effect, PiezoEffect)]
     for effect in sorted(chain, key=lambda e: e.order):
-        factor = factor * effect.resistance_factor(pressure_pa, position_m, time_s, extent_m)
+        factor = factor * effect.resistance_factor(pressure_pa, position_m, time_s, extent_m, wanted)
         pressure_pa = effect.effective_pressure_pa(pressure_pa, position_m, time_s, extent_m)
-    return pressure_pa, factor
+    return pressure_pa if wanted is None else pressure_pa[wanted], factor
 
 
 def fabric_ohm_sq(
@@ -36,7 +42,5 @@ def fabric_ohm_sq(
     wanted: NDArray[np.intp] | None = None,
 ) -> Array:
     """(n,N) ohm per square at the ``wanted`` times (n,), all T by default; arguments as of ``felt``."""
-    pressure_pa, factor = felt(effects, pressure_pa, position_m, time_s, extent_m)
-    if wanted is not None:
-        pressure_pa, factor = pressure_pa[wanted], factor if len(factor) == 1 else factor[wanted]
+    pressure_pa, factor = felt(effects, pressure_pa, position_m, time_s, extent_m, wanted)
     return np.asarray(factor * law.sheet_resistance_ohm_sq(pressure_pa))

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from physics.effects.effect import Array, PiezoEffect, parameter
 from physics.effects.exponential_memory import lagging, moves_within_s
@@ -72,10 +73,18 @@ class PiezoCreep(PiezoEffect):
             drive = AGREED_PA * (np.maximum(pressure_pa, 0.0) / AGREED_PA) ** self.exponent
         return pressure_pa + self.fraction * self._taken_in(drive, pressure_pa, time_s)
 
-    def resistance_factor(self, pressure_pa: Array, position_m: Array, time_s: Array, extent_m: Array) -> Array | float:
+    def resistance_factor(
+        self,
+        pressure_pa: Array,
+        position_m: Array,
+        time_s: Array,
+        extent_m: Array,
+        wanted: NDArray[np.intp] | None = None,
+    ) -> Array | float:
         if not self.multiplies:
             return 1.0
-        crept = self.fraction * self._taken_in(self._closed(pressure_pa), pressure_pa, time_s)
+        taken_in = self._taken_in(self._closed(pressure_pa), pressure_pa, time_s)
+        crept = self.fraction * (taken_in if wanted is None else taken_in[wanted])
         if abs(self.power) < SAME:
             return np.exp(-crept)
         # Where more than everything would have crept away a little is left.
@@ -84,16 +93,17 @@ class PiezoCreep(PiezoEffect):
 
     def _closed(self, pressure_pa: Array) -> Array:
         """(T,N) share of the gaps that close under a pressure."""
-        halves = np.maximum(pressure_pa, 0.0) / self.half_pa
+        closed, pressed = np.zeros_like(pressure_pa), pressure_pa.any(axis=1)
+        halves = np.maximum(pressure_pa[pressed], 0.0) / self.half_pa
         if self.unevenness < SAME:
-            return np.asarray(1.0 - np.exp2(-halves))
-        return np.asarray(1.0 - (1.0 + (2**self.unevenness - 1.0) * halves) ** (-1 / self.unevenness))
+            closed[pressed] = 1.0 - np.exp2(-halves)
+        else:
+            closed[pressed] = 1.0 - (1.0 + (2**self.unevenness - 1.0) * halves) ** (-1 / self.unevenness)
+        return closed
 
     def _taken_in(self, drive: Array, pressure_pa: Array, time_s: Array) -> Array:
         """(T,N) mean of what has followed the drive (T,N) with each time constant."""
         loaded = np.abs(pressure_pa).max(axis=1, initial=0.0) > 0
         cleared = None if self.remembers_air else ~loaded
-        constants_s = self.time_s * 10 ** (self.decades * STEPS) if self.decades > 0 else [self.time_s]
-        moves_s = moves_within_s(time_s)
-        taken_in = sum(lagging(drive, time_s, constant_s, cleared, moves_s=moves_s) for constant_s in constants_s)
-        return np.asarray(taken_in / len(constants_s))
+        constants_s = self.time_s * 10 ** (self.decades * (STEPS if self.decades > 0 else STEPS[:1]))
+        return lagging(drive, time_s, constants_s, cleared, moves_s=moves_within_s(time_s))
