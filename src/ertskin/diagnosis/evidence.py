@@ -264,11 +264,17 @@ def _bent_from(fitted: Array, spike: NDArray[np.bool_]) -> float:
 
 
 def _bent_at_top(voltage: Array, fitted: Array, spike: NDArray[np.bool_]) -> bool:
-    """Whether the largest readings fall short of what the others say they should be, and only those."""
+    """Whether the largest readings fall short of what the others say they should be, and only those.
+
+    All of them: a channel whose gain is too low falls short where its readings are large, and others don't.
+    """
     known = np.isfinite(fitted) & np.isfinite(voltage)
     top = known & (fitted > np.quantile(fitted[known], 1 - TOP))
     share = float(spike[top].mean())
     if share < STANDING or share < 20 * float(spike.mean()):
+        return False
+    as_large = top & (fitted >= np.median(fitted[top & spike]))
+    if spike[as_large].mean() < 0.5:
         return False
     return bool((voltage < fitted)[top & spike].mean() > 0.9)
 

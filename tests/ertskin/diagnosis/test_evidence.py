@@ -103,6 +103,18 @@ def test_a_moving_press_is_no_spike_on_a_converter_that_bends_either(protocol: P
     assert np.array_equal(left_out[~rest], fitted[~rest] >= from_v)
 
 
+def test_a_channel_of_low_gain_is_no_bent_converter(protocol: Protocol) -> None:
+    voltage = readings(protocol, 7)
+    largest = int(voltage.max(axis=(0, 1)).argsort()[-2])
+    voltage[..., largest] *= 0.9975
+    scan, spike = despiked(protocol, voltage)
+    fitted = (scan @ protocol.orthonormal.T).reshape(voltage.shape)
+    top = fitted > np.quantile(fitted, 1 - 3e-3)
+    assert spike[top].mean() > 0.01
+    assert spike[top].mean() > 20 * spike.mean()
+    assert not _bent_at_top(voltage, fitted, spike)
+
+
 def test_where_rest_frames_are_straight_nothing_bent_is_put_back(protocol: Protocol) -> None:
     voltage = readings(protocol, 3)
     rest = np.arange(FRAMES) < 3
