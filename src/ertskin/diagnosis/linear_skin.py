@@ -82,6 +82,7 @@ class LinearSkin:
         self._pressures: dict[tuple[bytes, bytes], Array] = {}
         self._still: tuple[Skin, Array, Array] | None = None
         self._moving: tuple[Skin, Array, list[Array]] | None = None
+        self._moved: tuple[tuple[object, ...], Array, list[Array]] | None = None
         self._rims = PadRims(skin.sheet)
         self._points = skin.sheet.quadrature_m.reshape(-1, 2)
         self._tensor = tensor_of(skin.effects)
@@ -312,14 +313,19 @@ class LinearSkin:
         return [LinearSkin(still, self.history, force, self.wanted, progress) for force in forces]
 
     def _moved_forces(self, skin: Skin, skew: ScanSkew, force_n: Array, moments: Array) -> list[Array]:
-        at_rest = skin.force_n(self.history)
-        depth = skew.depth_m(self.history, moments)
-        result = []
-        for s in range(len(moments)):
-            moved = skin.force_n(self.history, depth[:, s])
-            scale = np.where(at_rest > 0, moved / np.where(at_rest > 0, at_rest, 1.0), 1.0)
-            result.append(force_n * scale)
-        return result
+        """Forces (T,C) at each of the moments; the latest are remembered, for pressures are by them."""
+        foam = tuple(e for e in skin.effects if isinstance(e, FoamEffect))
+        key = (skew, foam, skin.pad_n_per_m, skin.support_n_per_m)
+        if self._moved is None or self._moved[0] != key or self._moved[1] is not force_n:
+            at_rest = skin.force_n(self.history)
+            depth = skew.depth_m(self.history, moments)
+            result = []
+            for s in range(len(moments)):
+                moved = skin.force_n(self.history, depth[:, s])
+                scale = np.where(at_rest > 0, moved / np.where(at_rest > 0, at_rest, 1.0), 1.0)
+                result.append(force_n * scale)
+            self._moved = key, force_n, result
+        return self._moved[2]
 
     def still_scans(self, skin: Skin, force_n: Array) -> Array:
         """(n,P) whitened scans, every scan taken in an instant; the latest are remembered."""
