@@ -33,7 +33,7 @@ WORTH_TRYING = 0.15
 """Least part of the best candidate's expected gain that makes another worth a fit."""
 SHARES = 1.0, 0.3, 0.1
 """Of a candidate's size, at which it is begun."""
-RUN_AWAY = 0.98
+RUN_AWAY = 0.4
 """Part of the widest ratio of moduli from which on a fit is taken to have run away."""
 ALIKE = 0.5
 """Part of the best form's gain from which another form of the same effect is settled too."""
@@ -140,7 +140,7 @@ def select(
 
 
 def _reconsidered(build: Problem, here: Standing) -> Standing:
-    """The fit begun again from the nominal ratio of moduli, where that fits better than the ratio at its bound.
+    """The fit begun again from the nominal ratio of moduli, where that fits better than a ratio far from it.
 
     A ratio that made up for a missing effect doesn't come back by itself once the effect is there.
     """
