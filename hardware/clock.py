@@ -2,9 +2,27 @@
 
 from __future__ import annotations
 
+import os
 import select
 import time
 from typing import Protocol
+
+SELECTS = os.name == "posix"
+"""Whether the system can wait for a serial port; elsewhere it is looked at again and again."""
+LOOK_S = 0.001
+
+
+class Readable(Protocol):
+    """A port as pyserial opens it."""
+
+    @property
+    def in_waiting(self) -> int:
+        """Bytes that can be read at once."""
+        ...
+
+    def fileno(self) -> int:
+        """Its descriptor, where there are such things."""
+        ...
 
 
 class Clock(Protocol):
@@ -18,8 +36,8 @@ class Clock(Protocol):
         """Let so many seconds pass; nothing for zero or less."""
         ...
 
-    def wait_readable(self, descriptor: int, timeout_s: float) -> bool:
-        """Wait until the file descriptor can be read (also where its other end is gone); False after the time-out."""
+    def wait_readable(self, port: Readable, timeout_s: float) -> bool:
+        """Wait until the port can be read (also where its other end is gone); False after the time-out."""
         ...
 
     def opened(self, port: str) -> None:
@@ -47,9 +65,16 @@ class SystemClock:
         if seconds > 0:
             time.sleep(seconds)
 
-    def wait_readable(self, descriptor: int, timeout_s: float) -> bool:
-        """Wait until the file descriptor can be read."""
-        return bool(select.select([descriptor], [], [], max(0.0, timeout_s))[0])
+    def wait_readable(self, port: Readable, timeout_s: float) -> bool:
+        """Wait until the port can be read."""
+        if SELECTS:
+            return bool(select.select([port.fileno()], [], [], max(0.0, timeout_s))[0])
+        deadline = self.now() + timeout_s
+        while not port.in_waiting:
+            if self.now() >= deadline:
+                return False
+            self.sleep(LOOK_S)
+        return True
 
     def opened(self, port: str) -> None:
         """Real bytes need no book-keeping."""

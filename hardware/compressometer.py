@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from hardware.recording import RecordingError, Specimen
+from ertskin.hardware.recording import RecordingError, Specimen
 
 COLUMNS = ("time_s", "stress_pa", "sheet_resistance_ohm_sq", "cycle")
 

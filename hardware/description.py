@@ -6,9 +6,18 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from physics.protocol import Protocol, electrode_pairs
-from physics.sensor import Layer, Sensor, four_points_m, rectangle_m, taxel_grid_m
+from ertskin.physics.protocol import Protocol, electrode_pairs
+from ertskin.physics.sensor import (
+    Layer,
+    Sensor,
+    disk_m,
+    edge_electrodes_m,
+    four_points_m,
+    rectangle_m,
+    taxel_grid_m,
+)
 
 
 class DescriptionError(ValueError):
@@ -18,14 +27,17 @@ class DescriptionError(ValueError):
 def sensor_of(fields: Mapping[str, Any]) -> Sensor:
     """A sensor from the fields of the recording format's ``/sensor``.
 
-    ``size_m`` or ``outline_m``; ``electrode_center_m`` with ``electrode_size_m`` (one for all or each) or
-    ``electrode_edge_m``; ``taxel_m`` or ``taxel_grid`` (columns, rows); ``layers`` top down. Raises
+    ``size_m``, ``radius_m`` (a disk that fills [0,2R]x[0,2R]) or ``outline_m``; ``electrode_center_m`` with
+    ``electrode_size_m`` (one for all or each), ``electrode_edge_m``, or ``edge_electrodes``: the arguments of
+    ``edge_electrodes_m`` after the outline; ``taxel_m`` or ``taxel_grid`` (columns, rows); ``layers`` top down. Raises
     ``DescriptionError``.
     """
     try:
-        outline = rectangle_m(fields["size_m"]) if "size_m" in fields else np.array(fields["outline_m"], dtype=float)
+        outline = _outline_m(fields)
         values: dict[str, Any] = {"outline_m": outline}
-        if "electrode_edge_m" in fields:
+        if "edge_electrodes" in fields:
+            values["electrode_edge_m"] = edge_electrodes_m(outline, **fields["edge_electrodes"])
+        elif "electrode_edge_m" in fields:
             values["electrode_edge_m"] = np.array(fields["electrode_edge_m"], dtype=float).reshape(-1, 2, 2)
         else:
             center = np.array(fields["electrode_center_m"], dtype=float).reshape(-1, 2)
@@ -50,12 +62,20 @@ def sensor_of(fields: Mapping[str, Any]) -> Sensor:
         raise DescriptionError(f"sensor: {type(error).__name__}: {error}") from None
 
 
+def _outline_m(fields: Mapping[str, Any]) -> NDArray[np.float64]:
+    if "size_m" in fields:
+        return rectangle_m(fields["size_m"])
+    if "radius_m" in fields:
+        return disk_m(float(fields["radius_m"]))
+    return np.array(fields["outline_m"], dtype=float)
+
+
 def protocol_of(fields: Mapping[str, Any], electrodes: int) -> Protocol:
     """A scan from the fields of the recording format's ``/protocol``.
 
     ``injection``: ``all`` pairs, ``adjacent`` ones, or a list; ``measurement``: ``sink`` (every electrode against the
-    sink), ``adjacent`` differences, or a list of pairs; injections are spread evenly over ``scan_s``. Raises
-    ``DescriptionError``.
+    sink), ``adjacent`` differences, or a list of pairs; ``measured``: ``all`` of these, or ``undriven`` where readings
+    at a driven electrode are not taken; injections are spread evenly over ``scan_s``. Raises ``DescriptionError``.
     """
     try:
         pairs = _pairs(fields.get("injection", "all"), electrodes)
@@ -68,9 +88,10 @@ def protocol_of(fields: Mapping[str, Any], electrodes: int) -> Protocol:
         if "scan_s" in extra:
             extra["injection_offset_s"] = extra["scan_s"] * np.arange(len(pairs)) / len(pairs)
         measurement = fields.get("measurement", "sink")
-        if measurement == "sink":
+        columns = None if measurement == "sink" else _pairs(measurement, electrodes)
+        extra["measured"] = _measured(fields.get("measured", "all"), pairs, columns)
+        if columns is None:
             return Protocol.against_sink(pairs, electrodes, current, **extra)
-        columns = _pairs(measurement, electrodes)
         identity = np.eye(electrodes)
         injected = current * (identity[pairs[:, 0]] - identity[pairs[:, 1]])
         weights = np.broadcast_to(
@@ -81,7 +102,16 @@ def protocol_of(fields: Mapping[str, Any], electrodes: int) -> Protocol:
         raise DescriptionError(f"protocol: {type(error).__name__}: {error}") from None
 
 
-def _pairs(choice: Any, electrodes: int) -> np.ndarray[Any, np.dtype[np.intp]]:
+def _measured(choice: Any, pairs: NDArray[np.intp], columns: NDArray[np.intp] | None) -> NDArray[np.bool_] | None:
+    """(K,M) readings taken: all, or those at no driven electrode."""
+    if choice == "all":
+        return None
+    if choice != "undriven" or columns is None:
+        raise ValueError(f"measured: {choice!r} with these readings; all, or undriven with differences of electrodes")
+    return np.asarray(~(columns[None, :, :, None] == pairs[:, None, None, :]).any(axis=(2, 3)))
+
+
+def _pairs(choice: Any, electrodes: int) -> NDArray[np.intp]:
     if choice == "all":
         return electrode_pairs(electrodes)
     if choice == "adjacent":

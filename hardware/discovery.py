@@ -9,18 +9,18 @@ from typing import Any, TypeVar
 
 from serial.tools import list_ports
 
-from hardware.clock import Clock
-from hardware.ert_readers.link import identity_at
-from hardware.failure import InstrumentError
-from hardware.instrument import ErtReader, LoadCell
-from hardware.load_cells.futek import parse_futek
-from hardware.load_cells.hx711 import LAYOUTS, parse_hx711
-from hardware.load_cells.mark10 import parse_mark10
-from hardware.rig import open_load_cell, open_reader, open_stage
-from hardware.stages.grbl import parse_status
-from hardware.stages.marlin import parse_position
-from hardware.transport import Lines, SerialTransport
-from physics.protocol import Protocol
+from ertskin.hardware.clock import Clock
+from ertskin.hardware.ert_readers.link import identity_at
+from ertskin.hardware.failure import InstrumentError
+from ertskin.hardware.instrument import ErtReader, LoadCell
+from ertskin.hardware.load_cells.futek import parse_futek
+from ertskin.hardware.load_cells.hx711 import LAYOUTS, parse_hx711
+from ertskin.hardware.load_cells.mark10 import parse_mark10
+from ertskin.hardware.rig import open_load_cell, open_reader, open_stage
+from ertskin.hardware.stages.grbl import parse_status
+from ertskin.hardware.stages.marlin import parse_position
+from ertskin.hardware.transport import Lines, SerialTransport
+from ertskin.physics.protocol import Protocol
 
 T = TypeVar("T")
 

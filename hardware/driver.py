@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 
-from hardware.transport import RECONNECT_S, Transport
+from ertskin.hardware.transport import RECONNECT_S, Transport
 
 
 class Driver:

@@ -8,15 +8,16 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from hardware.failure import InstrumentError, LimitExceeded, NoAnswer
-from hardware.indenter import Indenter, StillPressing
-from hardware.instrument import Scan
-from hardware.live_checks import LiveChecks, Soundness
-from hardware.plan import Plan, PlanError, Press, Step
-from hardware.recorder import FrameEntry, Recorder
-from hardware.rig import Rig
-from hardware.samples import mean_force_n
-from physics.history import Phase
+from ertskin.hardware.failure import InstrumentError, LimitExceeded, NoAnswer
+from ertskin.hardware.indenter import Indenter, StillPressing
+from ertskin.hardware.instrument import Scan
+from ertskin.hardware.live_checks import LiveChecks, Soundness
+from ertskin.hardware.plan import Plan, PlanError, Press, Step
+from ertskin.hardware.recorder import FrameEntry, Recorder
+from ertskin.hardware.rig import Rig
+from ertskin.hardware.samples import mean_force_n
+from ertskin.physics.history import Phase
+from ertskin.physics.sensor import Sensor
 
 Array = NDArray[np.float64]
 
@@ -51,18 +52,34 @@ class Outcome:
     lost_scans: int = 0
     warnings: dict[str, int] = field(default_factory=dict)
 
+    def add(self, other: Outcome) -> None:
+        """Count what came of another plan too."""
+        self.frames += other.frames
+        self.presses += other.presses
+        self.failed += other.failed
+        self.lost_scans += other.lost_scans
+        for warning, count in other.warnings.items():
+            self.warnings[warning] = self.warnings.get(warning, 0) + count
+
+
+def check_places(plan: Plan, sensor: Sensor) -> None:
+    """Raise ``PlanError`` for the first press that lies off the sheet."""
+    low, high = sensor.extent_m
+    for number, press in enumerate(plan.presses):
+        for x, y in press.contact_m:
+            if not (low[0] <= x <= high[0] and low[1] <= y <= high[1]):
+                raise PlanError(f"press {number}: ({1e3 * x:.1f}, {1e3 * y:.1f}) mm lies off the sheet")
+
 
 def check_plan(plan: Plan, rig: Rig) -> None:
     """Raise ``PlanError`` for the first press that goes beyond a limit of the bench, before anything moves."""
-    low, high = rig.sensor.extent_m
+    check_places(plan, rig.sensor)
     x0, y0, z0 = rig.geometry.origin_m
     for number, press in enumerate(plan.presses):
         if press.depth_m > rig.limits.depth_m + 1e-9:
             limit = f"the limit of {1e3 * rig.limits.depth_m:g} mm"
             raise PlanError(f"press {number}: {1e3 * press.depth_m:.2f} mm deep, beyond {limit}")
         for x, y in press.contact_m:
-            if not (low[0] <= x <= high[0] and low[1] <= y <= high[1]):
-                raise PlanError(f"press {number}: ({1e3 * x:.1f}, {1e3 * y:.1f}) mm lies off the sheet")
             deepest = np.array([x0 + x, y0 + y, z0 - press.depth_m])
             highest = np.array([x0 + x, y0 + y, z0 + rig.limits.clearance_m])
             if press.weight_n is None and not (rig.stage.travel.holds(deepest) and rig.stage.travel.holds(highest)):
@@ -97,8 +114,8 @@ class Experiment:
         self._next_frame_s = -np.inf
         self._period_s = 0.5
 
-    def run(self, plan: Plan, first_press: int = 0, surface_z_m: float | None = None) -> Outcome:
-        """Carry the plan out from ``first_press`` on; ``surface_z_m`` saves the touch-off.
+    def run(self, plan: Plan, first_press: int | None = None, surface_z_m: float | None = None) -> Outcome:
+        """Carry the plan out from the press numbered ``first_press`` on; ``surface_z_m`` saves the touch-off.
 
         A press an instrument fails in is given up, noted, and the next one begun; after three in a row, at any limit
         exceeded and at Ctrl-C the indenter goes up and the exception goes on. Raises ``PlanError``, ``InstrumentError``
@@ -106,12 +123,14 @@ class Experiment:
         """
         check_plan(plan, self._rig)
         self._period_s = plan.period_s
-        contacts = plan.contacts
+        contacts, after = plan.contacts, plan.numbers.stop
+        first = plan.first if first_press is None else first_press
         try:
             self._get_ready(plan, surface_z_m)
-            for number in range(first_press, len(plan.presses)):
+            for number in range(first, after):
                 self._one(plan, number, contacts)
-            self._rest(len(plan.presses), plan.final_rest_frames, contacts, plan)
+            if first <= after:
+                self._rest(after, plan.final_rest_frames, contacts, plan)
         except BaseException:
             # Whatever it was, Ctrl-C included: nothing is left pressing.
             self.indenter.retract()
@@ -120,7 +139,7 @@ class Experiment:
         return self.outcome
 
     def _get_ready(self, plan: Plan, surface_z_m: float | None) -> None:
-        """Instruments answering, load cell at zero, surface found; tried again where an instrument fails."""
+        """Instruments answering, load cell at zero, surface found; tried again where one fails that had answered."""
         for attempt in range(READY_ATTEMPTS):
             try:
                 if attempt:
@@ -134,13 +153,13 @@ class Experiment:
                 raise
             except InstrumentError as error:
                 self._note(f"getting ready, attempt {attempt + 1}: {error}")
-                if attempt + 1 == READY_ATTEMPTS:
+                if attempt + 1 == READY_ATTEMPTS or not self.indenter.met:
                     raise
 
     # -------------------- presses
 
     def _one(self, plan: Plan, number: int, contacts: int) -> None:
-        press = plan.presses[number]
+        press = plan.press(number)
         try:
             if press.weight_n is None:
                 self._indent(plan, number, press, contacts)
@@ -234,7 +253,7 @@ class Experiment:
             self.outcome.warnings[kind] = self.outcome.warnings.get(kind, 0) + 1
         self._show(
             Progress(
-                number, len(plan.presses), self._recorder.frames, plan.frames, phase, float(depth_m[0]), measured,
+                number, plan.numbers.stop, self._recorder.frames, plan.frames, phase, float(depth_m[0]), measured,
                 soundness,
             )
         )  # fmt: skip

@@ -11,17 +11,19 @@ from contextlib import contextmanager, suppress
 import numpy as np
 from numpy.typing import NDArray
 
-from hardware.failure import InstrumentError, LimitExceeded, NoAnswer
-from hardware.instrument import Force
-from hardware.rig import Rig
-from hardware.samples import Overload, mean_force_n
+from ertskin.hardware.failure import InstrumentError, LimitExceeded, NoAnswer
+from ertskin.hardware.instrument import Force
+from ertskin.hardware.raising import raise_patiently
+from ertskin.hardware.rig import Rig
+from ertskin.hardware.samples import Overload, mean_force_n
 
 Array = NDArray[np.float64]
 
 CELL_SILENT_S = 1.5
 """A load cell silent for so long is lost: nothing moves without it."""
 MOVE_SLACK_S = 5.0
-RETRACT_ATTEMPTS = 6
+RETRACT_S = 60.0
+"""How long the stage is tried to be brought off the skin."""
 TOUCH_STEP_M = 2e-4
 
 
@@ -40,17 +42,25 @@ class Indenter:
         self._clock = rig.clock
         self._overload = Overload(rig.limits.force_n)
         self._heard_s = rig.clock.now()
+        self.met = False
+        self._lowered = False
 
     # -------------------- getting ready
 
     def ready(self) -> list[str]:
-        """Have every instrument answer, the stage's frame known and the indenter in the air; who answered."""
+        """Have every instrument answer, the stage's frame known and the indenter in the air; who answered.
+
+        ``met`` from then on. A stage that never answered yet is not waited for beyond its own ``identify``.
+        """
         names = [self.rig.load_cell.identify(), self.rig.reader.identify()]
         try:
             names.insert(0, self.rig.stage.identify())
-        except InstrumentError:
+        except InstrumentError as error:
+            if isinstance(error, NoAnswer) and not self.met:
+                raise
             self.rig.stage.recover()
             names.insert(0, self.rig.stage.identify())
+        self.met = True
         self._heard_s = self._clock.now()
         if not self._trusted():
             self.rig.stage.home()
@@ -100,6 +110,9 @@ class Indenter:
 
     def go(self, x_m: float, y_m: float, z_m: float, speed_m_s: float) -> None:
         """Move straight to a place in the stage's frame, listening all the way."""
+        high = z_m >= self._travel_z_m - 1e-6
+        if not high:
+            self._note_lowered(True)
         seconds = self.rig.stage.start_move(np.array([x_m, y_m, z_m]), speed_m_s)
         self.listen(seconds)
         deadline = self._clock.now() + MOVE_SLACK_S + seconds
@@ -107,12 +120,15 @@ class Indenter:
             if self._clock.now() > deadline:
                 raise NoAnswer(f"stage: a move of {seconds:.2g} s still runs {MOVE_SLACK_S:g} s later")
             self.listen(0.05)
+        if high:
+            self._note_lowered(False)
 
     def lift(self) -> None:
         """Straight up to the height for travelling."""
         x, y, z = self.rig.stage.position_m()
         if z < self._travel_z_m - 1e-6:
             self.go(x, y, self._travel_z_m, self.rig.limits.travel_speed_m_s)
+        self._note_lowered(False)
 
     def above(self, contact_m: tuple[float, float]) -> None:
         """To the height for travelling above a place of the sheet."""
@@ -163,21 +179,27 @@ class Indenter:
     def retract(self) -> None:
         """Off the skin, however things stand and whatever is pressed on the keyboard meanwhile.
 
-        Raises ``StillPressing`` where the stage does not come back within about a minute.
+        Raises ``StillPressing`` where the stage does not come back within about a minute. One that is in the air is
+        stopped, and not waited for; one that never answered is left alone.
         """
+        if not self._lowered and not self.met:
+            return
         with _undisturbed():
-            last: InstrumentError | None = None
-            for attempt in range(RETRACT_ATTEMPTS):
-                try:
-                    if attempt == 0:
-                        self.rig.stage.halt()
-                    self.rig.stage.recover()
-                    self._raise()
-                    return
-                except InstrumentError as error:
-                    last = error
-                    self._clock.sleep(0.5)
-            raise StillPressing(f"the stage may still press, raise it by hand: {last}")
+            if not self._lowered:
+                with suppress(InstrumentError):
+                    self._stop_and_raise()
+                return
+            error = raise_patiently(self._stop_and_raise, self._clock, RETRACT_S)
+            if error is not None:
+                raise StillPressing(f"the stage may still press, raise it by hand: {error}") from error
+            self._note_lowered(False)
+
+    def _stop_and_raise(self) -> None:
+        # A stage that doesn't stop when asked may yet recover.
+        with suppress(InstrumentError):
+            self.rig.stage.halt()
+        self.rig.stage.recover()
+        self._raise()
 
     def _raise(self) -> None:
         limits = self.rig.limits
@@ -198,6 +220,10 @@ class Indenter:
 
     # -------------------- internals
 
+    def _note_lowered(self, lowered: bool) -> None:
+        self._lowered = lowered
+        self.rig.tell_lowered(lowered)
+
     @property
     def _travel_z_m(self) -> float:
         return min(self.surface_z_m + self.rig.limits.clearance_m, self.rig.stage.travel.high_m[2])
@@ -216,7 +242,7 @@ class Indenter:
 
 @contextmanager
 def _undisturbed() -> Iterator[None]:
-    """Hold back Ctrl-C and termination until the end; only the main thread can."""
+    """Hold back Ctrl-C, termination and the terminal's closing until the end; only the main thread can."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -228,8 +254,10 @@ def _undisturbed() -> Iterator[None]:
         for number, handler in before.items():
             with suppress(TypeError):
                 signal.signal(number, handler)
-    if held:
-        raise KeyboardInterrupt
+    for number in dict.fromkeys(held):
+        signal.raise_signal(number)
 
 
-_SIGNALS = (signal.SIGINT, signal.SIGTERM)
+_SIGNALS = [
+    getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGQUIT", "SIGBREAK") if hasattr(signal, name)
+]

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from hardware.instrument import Scan
-from hardware.validate import reciprocal_basis, saturated_share
-from physics.protocol import Protocol
+from ertskin.hardware.instrument import Scan
+from ertskin.hardware.validate import saturated_share
+from ertskin.physics.protocol import Protocol
 
 Array = NDArray[np.float64]
 
@@ -37,14 +37,15 @@ class LiveChecks:
 
     def __init__(self, protocol: Protocol) -> None:
         self._protocol = protocol
-        self._basis = reciprocal_basis(protocol)
+        self._taken = protocol.taken.ravel()
+        self._basis = protocol.orthonormal[self._taken]
         self._left = 1.0 - self._basis.shape[1] / self._basis.shape[0]
         self._before: Array | None = None
         self._noise_v: list[float] = []
 
     def look(self, scan: Scan) -> Soundness:
         """Judge a scan. Noise is from what no resistor network could give in the difference of successive scans."""
-        flat = scan.voltage_v.reshape(-1).astype(float)
+        flat = scan.voltage_v.reshape(-1)[self._taken].astype(float)
         irreciprocal = flat - self._basis @ (self._basis.T @ flat)
         if self._before is not None and self._left > 0:
             step = irreciprocal - self._before

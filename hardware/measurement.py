@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from physics.history import History
-from physics.protocol import Protocol
-from physics.sensor import Sensor
+from ertskin.physics.history import History
+from ertskin.physics.protocol import Protocol
+from ertskin.physics.sensor import Sensor
 
 Array = NDArray[np.float64]
 

@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from physics.history import Phase
+from ertskin.physics.history import Phase
 
 Array = NDArray[np.float64]
 
@@ -59,12 +59,26 @@ class Press:
 
 @dataclass(frozen=True)
 class Plan:
-    """Presses in order, frames every ``period_s``."""
+    """Presses in order, frames every ``period_s``. ``first``: number of the first one, others were made before."""
 
     name: str
     presses: tuple[Press, ...]
     period_s: float = PERIOD_S
     final_rest_frames: int = 1
+    first: int = 0
+
+    @property
+    def numbers(self) -> range:
+        """The presses' numbers in the recording; the rest after them has the next one."""
+        return range(self.first, self.first + len(self.presses))
+
+    def press(self, number: int) -> Press:
+        """The press of that number."""
+        return self.presses[number - self.first]
+
+    def frames_of(self, number: int) -> int:
+        """Frames that bear that number."""
+        return self.press(number).frames if number in self.numbers else self.final_rest_frames
 
     @property
     def frames(self) -> int:
@@ -90,7 +104,9 @@ class Plan:
 
     def as_dict(self) -> dict[str, object]:
         """The plan in plain types, as ``plan_of`` reads it."""
-        return asdict(self)
+        fields = asdict(self)
+        # Recordings half done before plans had a first number are still gone on with.
+        return fields if self.first else {name: value for name, value in fields.items() if name != "first"}
 
 
 def ramp(
@@ -132,6 +148,48 @@ def two_point_test(taxel_m: Array, pairs: Sequence[tuple[int, int]], weight_n: f
         steps = (Step(Phase.HOLD, None, 1, 10.0),)
         presses.append(Press(places, steps, rest_frames=1 if number == 0 else 0, weight_n=weight_n))
     return Plan("two_point_test", tuple(presses))
+
+
+def anywhere_test(
+    extent_m: Array,
+    presses: Sequence[int] = (24, 12, 8),
+    depth_m: tuple[float, float] = (1e-3, 3.5e-3),
+    weights_n: Sequence[float] = (0.980665, 1.96133, 4.903325),
+    margin_m: float = 0.01,
+    apart_m: float = 0.02,
+    seed: int = 0,
+) -> Plan:
+    """Random places between the corners ``extent_m`` (2,2): single presses of the stage, several contacts by weights.
+
+    ``presses``: how many presses of one contact, of two, and so on; contacts of one press lie ``apart_m`` or more from
+    one another and bear one of ``weights_n`` each. Raises ``PlanError`` where so many have no room.
+    """
+    rng = np.random.default_rng(np.random.SeedSequence([seed, 8]))
+    low, high = np.asarray(extent_m, dtype=float) + np.array([[margin_m], [-margin_m]])
+    if not (low < high).all():
+        raise PlanError(f"a margin of {1e3 * margin_m:g} mm leaves nothing of the sheet")
+    planned = []
+    for contacts, count in enumerate(presses, 1):
+        for _ in range(count):
+            places = _apart(rng, low, high, contacts, apart_m)
+            if contacts == 1:
+                planned.append(Press(places, (Step(Phase.LOADING, float(rng.uniform(*depth_m))),)))
+            else:
+                weight = float(rng.choice(weights_n))
+                planned.append(Press(places, (Step(Phase.HOLD, None, 1, 10.0),), weight_n=weight))
+    return Plan("anywhere_test", tuple(planned))
+
+
+def _apart(
+    rng: np.random.Generator, low: Array, high: Array, count: int, apart_m: float
+) -> tuple[tuple[float, float], ...]:
+    """So many random places, each ``apart_m`` or more from the others."""
+    for _ in range(1000):
+        place = rng.uniform(low, high, (count, 2))
+        away = np.linalg.norm(place[:, None] - place, axis=2) + np.diag(np.full(count, np.inf))
+        if away.min() >= apart_m:
+            return tuple((float(x), float(y)) for x, y in place)
+    raise PlanError(f"{count} contacts {1e3 * apart_m:g} mm apart have no room on this sheet")
 
 
 def repeated(plan: Plan, times: int) -> Plan:
@@ -180,7 +238,8 @@ def plan_of(fields: Mapping[str, object]) -> Plan:
     if period_s <= 0:
         raise PlanError("period_s must be above 0")
     final = int(_number(fields.get("final_rest_frames", 1), "final_rest_frames"))
-    return Plan(str(fields.get("name", "plan")), presses, period_s, final)
+    first = int(_number(fields.get("first", 0), "first"))
+    return Plan(str(fields.get("name", "plan")), presses, period_s, final, first)
 
 
 def _press(entry: object, where: str) -> Press:

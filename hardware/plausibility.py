@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from hardware.measurement import Coupon, Frames, Recording, RigidBlock, Specimen
-from physics.protocol import Protocol
-from physics.sensor import Sensor
+from ertskin.hardware.measurement import Coupon, Frames, Recording, RigidBlock, Specimen
+from ertskin.physics.protocol import Protocol
+from ertskin.physics.sensor import Sensor
 
 
 @dataclass(frozen=True)
@@ -19,6 +19,9 @@ class Doubt:
     field: str
     found: str
     expected: str
+
+    def __str__(self) -> str:
+        return f"{self.field}: found {self.found}, expected {self.expected}"
 
 
 @dataclass(frozen=True)
@@ -32,8 +35,8 @@ class Range:
 
     def doubt(self, field: str, values: NDArray[np.generic] | float) -> Doubt | None:
         """What speaks against the field's unit, or None."""
-        size = np.abs(np.asarray(values, dtype=float))
-        largest = float(np.max(size[np.isfinite(size)], initial=0.0))
+        size = np.abs(values)
+        largest = float(np.max(size, initial=0.0, where=np.isfinite(size)))
         if largest == 0.0 or self.low <= largest <= self.high:
             return None
         expected = f"{self.low:g} to {self.high:g} {self.unit} at most"
@@ -112,7 +115,7 @@ def _beyond_limit(frames: Frames, protocol: Protocol) -> Doubt | None:
     limit = protocol.adc_limit_v
     if limit is None or not frames.voltage_v.size:
         return None
-    largest = float(np.max(np.abs(frames.voltage_v)))
+    largest = float(np.nanmax(np.abs(frames.voltage_v)))
     if largest <= 1.5 * limit:
         return None
     return Doubt("/frames/voltage_v", f"{largest:g} V, looks like another unit than volt", f"adc_limit_v {limit:g} V")
@@ -123,8 +126,10 @@ def _against_sheet(frames: Frames, sensor: Sensor, protocol: Protocol) -> Doubt 
     current = float(np.max(np.abs(protocol.injection_current_a)))
     if not frames.voltage_v.size or current == 0.0 or sensor.sheet_resistance_ohm_sq <= 0.0:
         return None
-    reading = np.abs(frames.voltage_v[0])
-    typical = float(np.median(reading)) / current / sensor.sheet_resistance_ohm_sq
+    reading = np.abs(frames.voltage_v[0][protocol.taken])
+    if np.isnan(reading).all():
+        return None
+    typical = float(np.nanmedian(reading)) / current / sensor.sheet_resistance_ohm_sq
     return _READING_PER_SHEET.doubt("/frames/voltage_v over current_a and sheet_resistance_ohm_sq", typical)
 
 

@@ -7,9 +7,9 @@ last whole frame.
 
 from __future__ import annotations
 
-import fcntl
 import os
 import tempfile
+from itertools import chain
 from pathlib import Path
 from typing import cast
 
@@ -17,8 +17,10 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from hardware.fields import Fields, first_line
-from hardware.measurement import (
+from ertskin.hardware.clean_copy import CannotOpen, CannotRead, clean_copy
+from ertskin.hardware.fields import Fields, first_line
+from ertskin.hardware.isolation import isolated_copy
+from ertskin.hardware.measurement import (
     Array,
     Coupon,
     Frames,
@@ -27,10 +29,13 @@ from hardware.measurement import (
     RigidBlock,
     Specimen,
 )
-from hardware.plausibility import doubts
-from physics.history import History
-from physics.protocol import Protocol
-from physics.sensor import Layer, Sensor, four_points_m, rectangle_m
+from ertskin.hardware.plausibility import doubts
+from ertskin.hardware.soundness import faults
+from ertskin.hardware.soundness.pad import MOST_LAYERS
+from ertskin.hardware.soundness.scan import oversized
+from ertskin.physics.history import History
+from ertskin.physics.protocol import Protocol
+from ertskin.physics.sensor import Layer, Sensor, four_points_m, rectangle_m
 
 FORMAT = "ert-tactile-recording"
 FORMAT_VERSION = 1
@@ -49,19 +54,32 @@ __all__ = [
     "RecordingError",
     "RigidBlock",
     "Specimen",
-    "is_unfinished",
     "read_recording",
     "read_segmentation",
+    "read_with_state",
     "write_recording",
 ]
 
 
-def read_recording(path: str | Path) -> Recording:
-    """The recording in the file at ``path``; raises ``RecordingError`` for anything that is not a whole, sane one."""
-    path = Path(path)
-    with _opened(path) as file:
+def read_recording(path: str | Path, *, isolated: bool = True, sound: bool = True) -> Recording:
+    """The recording in the file at ``path``; raises ``RecordingError`` for anything that is not a whole, sane one.
+
+    ``isolated``: take the file apart in a process of its own, which damaged bytes may hang or crash; a file that this
+    program has written itself needs none. ``sound``: refuse what no sound recording holds; a recorder keeps even that.
+    """
+    return _read_file(Path(path), isolated, sound)[0]
+
+
+def read_with_state(path: str | Path) -> tuple[Recording, bool]:
+    """The recording at ``path``, and whether its recorder never came to its end; raises as ``read_recording`` does."""
+    return _read_file(Path(path), isolated=True, sound=True)
+
+
+def _read_file(path: Path, isolated: bool, sound: bool) -> tuple[Recording, bool]:
+    with _opened(path, isolated) as file:
         try:
-            return _read(Fields(path, file))
+            unfinished = isinstance(file.get("frames"), h5py.Group) and UNFINISHED in file["frames"].attrs
+            return _read(Fields(path, file), sound), unfinished
         except RecordingError:
             raise
         except (OSError, RuntimeError, KeyError, ValueError, TypeError, MemoryError) as error:
@@ -81,13 +99,8 @@ def read_segmentation(path: str | Path) -> NDArray[np.uint8]:
         return cast(NDArray[np.uint8], truth.numbers("segmentation", (None, None, None), np.uint8))
 
 
-def is_unfinished(path: str | Path) -> bool:
-    """Whether the recording at ``path`` was left by a recorder that never came to its end."""
-    with _opened(Path(path)) as file:
-        return "frames" in file and UNFINISHED in file["frames"].attrs
-
-
-def _opened(path: Path) -> h5py.File:
+def _opened(path: Path, isolated: bool = True) -> h5py.File:
+    """A clean copy, in memory, of the file at ``path``."""
     if path.is_dir():
         raise RecordingError(f"{path}: found a folder, expected a recording file")
     part = path.with_name(path.name + ".part")
@@ -97,40 +110,37 @@ def _opened(path: Path) -> h5py.File:
     if path.stat().st_size == 0:
         raise RecordingError(f"{path}: found an empty file (0 bytes), expected a recording")
     try:
-        return h5py.File(path, "r", locking=False)
-    except (OSError, RuntimeError, ValueError) as error:
-        return _opened_unfinished(path, first_line(error))
+        return h5py.File.in_memory(isolated_copy(path) if isolated else clean_copy(str(path)))
+    except CannotRead as error:
+        raise RecordingError(f"{path}: found damaged data ({error}), expected a whole file") from None
+    except CannotOpen as error:
+        raise _not_opened(path, str(error)) from None
 
 
-def _opened_unfinished(path: Path, reason: str) -> h5py.File:
-    """A file whose writer has not closed it: HDF5 opens that only as one being written."""
-    try:
-        return h5py.File(path, "r", swmr=True, libver="latest", locking=False)
-    except (OSError, RuntimeError, ValueError):
-        with path.open("rb") as raw:
-            head = raw.read(8)
-        if head != b"\x89HDF\r\n\x1a\n":
-            raise RecordingError(f"{path}: found no HDF5 signature, expected an HDF5 file") from None
-        if _being_written(path, reason):
-            raise RecordingError(f"{path}: found another program writing it, expected a file it has closed") from None
-        if "already open for write" in reason:
-            raise RecordingError(f"{path}: found a file its writer never closed, expected a whole one") from None
-        raise RecordingError(f"{path}: found a damaged HDF5 file ({reason}), expected a whole one") from None
+def _not_opened(path: Path, reason: str) -> RecordingError:
+    """Why HDF5 did not open the file, in its own words ``reason``."""
+    with path.open("rb") as raw:
+        head = raw.read(8)
+    if head != b"\x89HDF\r\n\x1a\n":
+        return RecordingError(f"{path}: found no HDF5 signature, expected an HDF5 file")
+    if _being_written(path, reason):
+        return RecordingError(f"{path}: found another program writing it, expected a file it has closed")
+    if "already open for write" in reason:
+        return RecordingError(f"{path}: found a file its writer never closed, expected a whole one")
+    return RecordingError(f"{path}: found a damaged HDF5 file ({reason}), expected a whole one")
 
 
 def _being_written(path: Path, reason: str) -> bool:
-    """Whether a program has the file open for writing: such programs hold a lock."""
-    if "unable to lock file" in reason:
-        return True
-    with path.open("rb") as raw:
+    """Whether a program has the file open for writing: such programs hold a lock, which HDF5 asks for first."""
+    if "unable to lock file" not in reason:
         try:
-            fcntl.flock(raw, fcntl.LOCK_SH | fcntl.LOCK_NB)
-        except BlockingIOError:
-            return True
-    return False
+            h5py.File(path, "r", locking=True).close()
+        except (OSError, RuntimeError, ValueError) as error:
+            reason = first_line(error)
+    return "unable to lock file" in reason
 
 
-def _read(root: Fields) -> Recording:
+def _read(root: Fields, sound: bool) -> Recording:
     found = root.text("format", "nothing")
     if found != FORMAT:
         raise root.refuse("format", repr(found), repr(FORMAT))
@@ -154,8 +164,8 @@ def _read(root: Fields) -> Recording:
     )
     _refuse_empty(root, recording)
     held = frozenset(sensor_group.group.attrs) if sensor_group is not None else frozenset()
-    for doubt in doubts(recording, held):
-        raise RecordingError(f"{root.path}: {doubt.field}: found {doubt.found}, expected {doubt.expected}")
+    for doubt in chain(doubts(recording, held), faults(recording) if sound else ()):
+        raise RecordingError(f"{root.path}: {doubt}")
     return recording
 
 
@@ -232,6 +242,8 @@ def _read_layers(fields: Fields) -> tuple[Layer, ...]:
     names = item.dtype.names
     if names is None or not set(LAYER_DTYPE.names or ()) <= set(names) or len(item.shape) != 1:
         raise fields.refuse("layers", f"{item.dtype} of shape {item.shape}", f"rows of {list(LAYER_DTYPE.names or ())}")
+    if item.shape[0] > MOST_LAYERS:
+        raise fields.refuse("layers", f"{item.shape[0]} layers", f"{MOST_LAYERS} at most")
     layers: list[Layer] = []
     for row in item[()]:
         raw = row["name"]
@@ -253,6 +265,7 @@ def _read_protocol(fields: Fields, sensor: Sensor | None) -> Protocol:
     injection = _read_injection(fields)
     pairs, current = injection
     electrodes = _electrode_count(fields, pairs, current, sensor)
+    _refuse_oversized(fields, electrodes)
     if current is None:
         assert pairs is not None
         amplitude = fields.number("current_a")
@@ -262,7 +275,7 @@ def _read_protocol(fields: Fields, sensor: Sensor | None) -> Protocol:
         current[np.arange(len(pairs)), pairs[:, 0]] = amplitude
         current[np.arange(len(pairs)), pairs[:, 1]] = -amplitude
     weights = _read_measurement(fields, pairs, len(current), electrodes)
-    extra: dict[str, object] = {}
+    extra: dict[str, object] = {"measured": _read_measured(fields, weights.shape[:2])}
     if "injection_offset_s" in fields.group:
         extra["injection_offset_s"] = fields.numbers("injection_offset_s", (len(current),))
     for name in ("scan_s", "adc_volts_per_count", "adc_limit_v"):
@@ -271,6 +284,14 @@ def _read_protocol(fields: Fields, sensor: Sensor | None) -> Protocol:
             raise fields.refuse(name, f"{value:g}", "a positive number")
         extra[name] = value
     return Protocol(current, weights, pairs, **extra)  # type: ignore[arg-type]
+
+
+def _refuse_oversized(fields: Fields, electrodes: int) -> None:
+    """A scan too large to work with is refused before its matrices are made."""
+    injections = fields.dataset("injection" if "injection" in fields.group else "injection_current_a").shape[0]
+    readings = fields.dataset("measurement").shape[-2] if "measurement" in fields.group else electrodes
+    if doubt := oversized(electrodes, injections, readings):
+        raise RecordingError(f"{fields.path}: {doubt}")
 
 
 def _read_injection(fields: Fields) -> tuple[NDArray[np.intp] | None, Array | None]:
@@ -308,11 +329,14 @@ def _electrode_count(
 def _read_measurement(fields: Fields, pairs: NDArray[np.intp] | None, injections: int, electrodes: int) -> Array:
     """(K,M,L) weights of the electrodes' potentials in each reading."""
     if "measurement" in fields.group:
-        columns = fields.numbers("measurement", ("M", 2), np.intp)
-        if columns.min() < 0 or columns.max() >= electrodes:
-            raise fields.refuse("measurement", f"electrode {columns.max()}", f"0 to {electrodes - 1}")
-        weights = np.eye(electrodes)[columns[:, 0]] - np.eye(electrodes)[columns[:, 1]]
-        return np.broadcast_to(weights, (injections, *weights.shape)).copy()
+        by_injection = len(fields.dataset("measurement").shape) == 3
+        shape = (injections, "M", 2) if by_injection else ("M", 2)
+        columns = cast(NDArray[np.intp], fields.numbers("measurement", shape, np.intp))
+        if columns.size == 0 or columns.min() < 0 or columns.max() >= electrodes:
+            found = f"electrodes {columns.min()} to {columns.max()}" if columns.size else "no pair"
+            raise fields.refuse("measurement", found, f"pairs of electrodes 0 to {electrodes - 1}")
+        weights = np.eye(electrodes)[columns[..., 0]] - np.eye(electrodes)[columns[..., 1]]
+        return np.broadcast_to(weights, (injections, *weights.shape[-2:])).copy()
     reference = fields.text("reference", "nothing")
     if reference != "sink" or pairs is None:
         raise fields.refuse("reference", repr(reference), "'sink' with injection, or a dataset measurement")
@@ -321,18 +345,40 @@ def _read_measurement(fields: Fields, pairs: NDArray[np.intp] | None, injections
     return weights
 
 
+def _read_measured(fields: Fields, shape: tuple[int, ...]) -> NDArray[np.bool_] | None:
+    if "measured" not in fields.group:
+        return None
+    measured = fields.numbers("measured", shape, np.uint8)
+    if measured.max(initial=0) > 1 or not measured.any():
+        raise fields.refuse(
+            "measured", f"values up to {measured.max(initial=0)}", "true for readings taken, some of them"
+        )
+    return measured.astype(bool)
+
+
 # ---------------------------------------------------------------------------------------------------------- frames
 
 
 def _read_frames(fields: Fields, protocol: Protocol | None) -> Frames:
     frames = _whole_frames(fields)
     shape = (None, *(protocol.shape if protocol is not None else (None, None)))
-    voltage = cast(NDArray[np.float32], fields.numbers("voltage_v", shape, np.float32, rows=frames))
+    voltage = cast(NDArray[np.float32], fields.numbers("voltage_v", shape, np.float32, finite=False, rows=frames))
+    _refuse_odd_voltages(fields, voltage, protocol)
     count = None
     if "adc_count" in fields.group:
         shape = (None, *voltage.shape[1:])
         count = cast(NDArray[np.int32], fields.numbers("adc_count", shape, np.int32, rows=frames))
     return Frames(voltage, _read_history(fields, frames), count)
+
+
+def _refuse_odd_voltages(fields: Fields, voltage_v: NDArray[np.float32], protocol: Protocol | None) -> None:
+    """NaN is a reading not taken, or lost; nothing else may stand for one."""
+    if np.isinf(voltage_v).any():
+        raise fields.refuse("voltage_v", f"{int(np.isinf(voltage_v).sum())} infinite values", "volt, or NaN where lost")
+    if voltage_v.size and np.isnan(voltage_v).all():
+        raise fields.refuse("voltage_v", "NaN alone", "volt in some reading")
+    if protocol is not None and not np.isnan(voltage_v[:, ~protocol.taken]).all():
+        raise fields.refuse("voltage_v", "numbers where /protocol/measured is false", "NaN in readings not taken")
 
 
 def _whole_frames(fields: Fields) -> int:
@@ -523,6 +569,8 @@ def _write_protocol(group: h5py.Group, protocol: Protocol, path: Path) -> None:
     else:
         group["injection_current_a"] = protocol.injection_current_a
     _write_measurement(group, protocol, path)
+    if protocol.measured is not None:
+        group["measured"] = protocol.measured
     if protocol.injection_offset_s is not None:
         group["injection_offset_s"] = protocol.injection_offset_s
     for name in ("scan_s", "adc_volts_per_count", "adc_limit_v"):
@@ -531,20 +579,23 @@ def _write_protocol(group: h5py.Group, protocol: Protocol, path: Path) -> None:
 
 
 def _write_measurement(group: h5py.Group, protocol: Protocol, path: Path) -> None:
-    weights = protocol.measurement
+    weights, taken = protocol.measurement, protocol.taken
     if protocol.pairs is not None:
         against_sink = Protocol.against_sink(protocol.pairs, protocol.electrodes, 1.0).measurement
-        if np.array_equal(weights, against_sink):
+        if weights.shape == against_sink.shape and np.array_equal(weights, against_sink * taken[:, :, None]):
             group.attrs["reference"] = "sink"
             return
-    pairs = np.stack([weights[0].argmax(axis=1), weights[0].argmin(axis=1)], axis=1)
-    differences = np.eye(protocol.electrodes)[pairs[:, 0]] - np.eye(protocol.electrodes)[pairs[:, 1]]
-    if not np.array_equal(weights, np.broadcast_to(differences, weights.shape)):
+    pairs = np.stack([weights.argmax(axis=2), weights.argmin(axis=2)], axis=2)
+    every = np.eye(protocol.electrodes)
+    if not np.array_equal(weights, every[pairs[..., 0]] - every[pairs[..., 1]]):
         raise RecordingError(
-            f"{path}: /protocol/measurement: found readings that are neither against the sink nor the same differences "
-            "of two electrodes for every injection, expected one of these"
+            f"{path}: /protocol/measurement: found readings that are neither against the sink nor differences of two "
+            "electrodes, expected one of these"
         )
-    group["measurement"] = pairs.astype(np.int16)
+    # A column's pair stands in any injection that takes it.
+    usual = pairs[taken.argmax(axis=0), np.arange(taken.shape[1])]
+    alike = (pairs == usual)[taken].all()
+    group["measurement"] = (usual if alike else pairs).astype(np.int16)
 
 
 def _write_frames(group: h5py.Group, frames: Frames) -> None:

@@ -7,19 +7,19 @@ from contextlib import ExitStack
 from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
-from hardware.clock import Clock, SystemClock
-from hardware.ert_readers.eit_kit import eit_kit
-from hardware.ert_readers.link import ErtLink
-from hardware.ert_readers.spectra import spectra
-from hardware.instrument import ErtReader, LoadCell, Stage, Travel
-from hardware.load_cells.futek import futek
-from hardware.load_cells.hx711 import hx711
-from hardware.load_cells.mark10 import Mark10
-from hardware.stages.grbl import Grbl
-from hardware.stages.marlin import Marlin
-from hardware.transport import SerialTransport, Transport
-from physics.protocol import Protocol
-from physics.sensor import Sensor
+from ertskin.hardware.clock import Clock, SystemClock
+from ertskin.hardware.ert_readers.eit_kit import eit_kit
+from ertskin.hardware.ert_readers.link import ErtLink
+from ertskin.hardware.ert_readers.spectra import spectra
+from ertskin.hardware.instrument import ErtReader, LoadCell, Stage, Travel
+from ertskin.hardware.load_cells.futek import futek
+from ertskin.hardware.load_cells.hx711 import hx711
+from ertskin.hardware.load_cells.mark10 import Mark10
+from ertskin.hardware.stages.grbl import Grbl
+from ertskin.hardware.stages.marlin import Marlin
+from ertskin.hardware.transport import SerialTransport, Transport
+from ertskin.physics.protocol import Protocol
+from ertskin.physics.sensor import Sensor
 
 T = TypeVar("T")
 
@@ -52,6 +52,9 @@ class Geometry:
     specimen_m: tuple[float, float, float] | None = None
 
 
+def _nobody(_lowered: bool) -> None: ...
+
+
 @dataclass
 class Rig:
     """An opened bench."""
@@ -65,6 +68,8 @@ class Rig:
     protocol: Protocol
     geometry: Geometry
     limits: Limits = field(default_factory=Limits)
+    tell_lowered: Callable[[bool], None] = _nobody
+    """Told True before the indenter goes below the height for travelling, and False when it is back there."""
 
     def close(self) -> None:
         """Let go of every port."""

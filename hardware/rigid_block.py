@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from hardware.failure import LimitExceeded
-from hardware.indenter import Indenter
-from hardware.recording import RigidBlock
-from hardware.samples import mean_force_n
+from ertskin.hardware.failure import LimitExceeded
+from ertskin.hardware.indenter import Indenter
+from ertskin.hardware.recording import RigidBlock
+from ertskin.hardware.samples import mean_force_n
 
 
 def press_rigid_block(

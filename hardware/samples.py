@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hardware.instrument import Force
+from ertskin.hardware.instrument import Force
 
 OUTLIER_SIGMAS = 6.0
 

@@ -10,10 +10,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hardware.failure import LimitExceeded
-from hardware.indenter import Indenter
-from hardware.recording import Specimen
-from hardware.samples import mean_force_n
+from ertskin.hardware.failure import LimitExceeded
+from ertskin.hardware.indenter import Indenter
+from ertskin.hardware.recording import Specimen
+from ertskin.hardware.samples import mean_force_n
 
 COARSE_M = 1e-4
 DEEPEST_M = 5e-3

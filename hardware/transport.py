@@ -9,8 +9,8 @@ from typing import Protocol
 import serial
 from serial.tools import list_ports
 
-from hardware.clock import Clock
-from hardware.failure import InstrumentError, LostContact, NoAnswer
+from ertskin.hardware.clock import Clock
+from ertskin.hardware.failure import InstrumentError, LostContact, NoAnswer
 
 WRITE_TIMEOUT_S = 5.0
 LONGEST_LINE = 1 << 16
@@ -138,7 +138,7 @@ class SerialTransport:
         if self._serial is None:
             raise LostContact(f"{self.name}: is closed")
         try:
-            if not self.clock.wait_readable(self._serial.fileno(), timeout_s):
+            if not self.clock.wait_readable(self._serial, timeout_s):
                 return b""
             data = bytes(self._serial.read(1 << 16))
         except (serial.SerialException, OSError, ValueError, TypeError) as error:

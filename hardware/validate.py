@@ -7,13 +7,14 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import orth
 
-from hardware.measurement import Array, Coupon, Frames, Recording, RecordingError, RigidBlock, Specimen
-from hardware.recording import is_unfinished, read_recording
-from physics.history import History, Phase
-from physics.protocol import Protocol
-from physics.sensor import Sensor
+from ertskin.hardware.measurement import Array, Coupon, Frames, Recording, RecordingError, RigidBlock, Specimen
+from ertskin.hardware.recording import read_with_state
+from ertskin.hardware.uses import Use, uses_of
+from ertskin.physics.history import History, Phase
+from ertskin.physics.protocol import Protocol
+from ertskin.physics.sensor import Sensor
+from ertskin.physics.spikes import completed
 
 SPIKE_SIGMAS = 5.0
 """A sample is a spike this many robust standard deviations off."""
@@ -30,12 +31,16 @@ class Fact:
 
 @dataclass
 class Findings:
-    """``errors`` make the file unusable; ``warnings`` are worth a look before trusting it; ``facts`` describe it."""
+    """``errors`` make the file unusable; ``warnings`` are worth a look before trusting it; ``facts`` describe it.
+
+    ``uses``: what the recording can be used for, and what it lacks for the rest.
+    """
 
     path: Path
     errors: list[str] = field(default_factory=list)
     warnings: list[str] = field(default_factory=list)
     facts: list[Fact] = field(default_factory=list)
+    uses: list[Use] = field(default_factory=list)
 
     def fact(self, name: str, value: str, number: float | None = None) -> None:
         """Add a fact."""
@@ -73,13 +78,14 @@ def validate(path: str | Path) -> Findings:
     """Everything to be said about the recording at ``path``; a refusal becomes an error, never an exception."""
     findings = Findings(Path(path))
     try:
-        recording = read_recording(path)
+        recording, unfinished = read_with_state(path)
     except RecordingError as error:
         findings.errors.append(str(error))
         return findings
-    if is_unfinished(path):
+    if unfinished:
         findings.warnings.append("half done: its recorder was stopped; record again to go on at the next press")
     describe(recording, findings)
+    findings.uses = uses_of(recording)
     return findings
 
 
@@ -115,6 +121,13 @@ def _describe_sensor(sensor: Sensor, findings: Findings) -> None:
 def _describe_protocol(protocol: Protocol, findings: Findings) -> None:
     injections, readings = protocol.shape
     findings.fact("scan", f"{injections} injections x {readings} readings", injections * readings)
+    if protocol.count < injections * readings:
+        findings.fact("readings taken", f"{protocol.count} of {injections * readings}", protocol.count)
+    told, pairs = protocol.factor.shape
+    if told < pairs:
+        findings.fact("pair resistances told", f"{told} combinations of {pairs}", told)
+    if protocol.count == told:
+        findings.warnings.append("no reading is taken twice: the noise can't be told from what changes on the skin")
     if protocol.injection_offset_s is None:
         findings.warnings.append("protocol has no injection_offset_s: a press that moves during a scan can't be seen")
     if protocol.adc_limit_v is None:
@@ -137,6 +150,7 @@ def _describe_frames(frames: Frames, sensor: Sensor | None, protocol: Protocol |
     if protocol is None:
         findings.warnings.append("no /protocol: readings are numbers without a meaning in volt")
         return
+    _describe_lost(frames, protocol, findings)
     _describe_saturation(frames, protocol, findings)
     _describe_rest(frames, protocol, findings)
 
@@ -202,6 +216,16 @@ def _describe_saturation(frames: Frames, protocol: Protocol, findings: Findings)
         )
 
 
+def _describe_lost(frames: Frames, protocol: Protocol, findings: Findings) -> None:
+    lost = np.isnan(frames.voltage_v[:, protocol.taken])
+    if lost.any():
+        share = float(lost.mean())
+        findings.fact("lost", f"{100 * share:.3g} % of readings", share)
+        findings.warnings.append(
+            f"{100 * share:.2g} % of readings are lost (NaN), in {int(lost.any(axis=1).sum())} of {len(frames)} frames"
+        )
+
+
 def saturated_share(voltage_v: NDArray[np.floating], protocol: Protocol) -> float:
     """Share of readings within a step of the converter's upper limit; 0 where the limit is not known."""
     if protocol.adc_limit_v is None or voltage_v.size == 0:
@@ -211,11 +235,12 @@ def saturated_share(voltage_v: NDArray[np.floating], protocol: Protocol) -> floa
 
 
 def _describe_rest(frames: Frames, protocol: Protocol, findings: Findings) -> None:
-    rest = frames.voltage_v[frames.history.phase == Phase.REST].astype(float)
+    rest = completed(protocol, frames.voltage_v[frames.history.phase == Phase.REST].astype(float))
+    rest = rest[np.isfinite(rest).all(axis=(1, 2))]
     if len(rest) == 0:
         return
     quality = rest_quality(rest, protocol)
-    signal = float(np.sqrt(np.mean(rest**2)))
+    signal = float(np.sqrt(np.mean(rest[:, protocol.taken] ** 2)))
     findings.fact("signal at rest", f"{signal:.4g} V rms", signal)
     if len(rest) > 1:
         percent = 100 * quality.noise_v / signal
@@ -235,18 +260,14 @@ def _describe_rest(frames: Frames, protocol: Protocol, findings: Findings) -> No
         )
 
 
-def reciprocal_basis(protocol: Protocol) -> Array:
-    """(K*M, R) orthonormal basis of the readings some resistor network could give, also where a scan can't tell all."""
-    try:
-        return protocol.orthonormal
-    except np.linalg.LinAlgError:
-        return orth(protocol.design)
-
-
 def rest_quality(rest_v: Array, protocol: Protocol) -> RestQuality:
-    """Quality of rest frames (T,K,M) in volt, T >= 1; with one frame only the reciprocity defect is known (rest 0)."""
-    basis = reciprocal_basis(protocol)
-    flat = rest_v.reshape(len(rest_v), -1)
+    """Quality of complete rest frames (T,K,M) in volt, T >= 1; with one only the reciprocity defect is known (rest 0).
+
+    Readings not taken are left aside.
+    """
+    taken = protocol.taken.ravel()
+    basis = protocol.orthonormal[taken]
+    flat = rest_v.reshape(len(rest_v), -1)[:, taken]
     middle = np.median(flat, axis=0)
     defect = middle - basis @ (basis.T @ middle)
     noise, drift, spikes = _noise(flat, basis)
@@ -257,7 +278,7 @@ def rest_quality(rest_v: Array, protocol: Protocol) -> RestQuality:
 
 
 def _noise(flat_v: Array, basis: Array) -> tuple[float, float, float]:
-    """Noise (V), drift (V) and share of spikes of rest frames (T, K*M)."""
+    """Noise (V), drift (V) and share of spikes of rest frames (T,N) of the N readings taken."""
     share = basis.shape[1] / basis.shape[0]
     if len(flat_v) < 2 or share >= 1.0:
         return 0.0, 0.0, 0.0
@@ -279,8 +300,8 @@ def _noise(flat_v: Array, basis: Array) -> tuple[float, float, float]:
 
 
 def _worst_electrode(defect_v: Array, protocol: Protocol) -> tuple[int, float]:
-    """The electrode whose readings hold most of a defect (K*M,), and how many times the median electrode's (rms)."""
-    weight = np.abs(protocol.measurement).reshape(-1, protocol.electrodes)
+    """The electrode whose readings hold most of a defect (N,), and how many times the median electrode's (rms)."""
+    weight = np.abs(protocol.measurement)[protocol.taken]
     power = (defect_v**2) @ weight / np.maximum(weight.sum(axis=0), 1e-12)
     rms = np.sqrt(power)
     worst = int(np.argmax(rms))

@@ -12,8 +12,8 @@ import re
 import numpy as np
 from numpy.typing import NDArray
 
-from hardware.ert_readers.text import TextReader, numbers
-from hardware.transport import Transport
+from ertskin.hardware.ert_readers.text import TextReader, numbers
+from ertskin.hardware.transport import Transport
 
 _NUMBER = re.compile(r"-?\d{1,6}\.\d{1,6}", re.ASCII).fullmatch
 

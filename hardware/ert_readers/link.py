@@ -1,4 +1,4 @@
-"""An ERT reader that speaks our own link (``hardware.ert_readers.frame``): checked, numbered, timed scans."""
+"""An ERT reader that speaks our own link (``ertskin.hardware.ert_readers.frame``): checked, numbered, timed scans."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hardware.driver import SensorDriver
-from hardware.ert_readers.frame import Flag, Frame, FrameParser, Type, identity_of, scan_of
-from hardware.failure import NoAnswer, Refusal
-from hardware.instrument import Scan
-from hardware.transport import GRACE_S, Transport
+from ertskin.hardware.driver import SensorDriver
+from ertskin.hardware.ert_readers.frame import Flag, Frame, FrameParser, Type, identity_of, scan_of
+from ertskin.hardware.failure import NoAnswer, Refusal
+from ertskin.hardware.instrument import Scan
+from ertskin.hardware.transport import GRACE_S, Transport
 
 ANSWER_S = 2.0
 REPEATS = 4

@@ -12,10 +12,10 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from hardware.driver import SensorDriver
-from hardware.failure import NoAnswer, Refusal
-from hardware.instrument import Scan
-from hardware.transport import Lines, Transport
+from ertskin.hardware.driver import SensorDriver
+from ertskin.hardware.failure import NoAnswer, Refusal
+from ertskin.hardware.instrument import Scan
+from ertskin.hardware.transport import Lines, Transport
 
 
 class TextReader(SensorDriver):

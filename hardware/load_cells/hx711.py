@@ -13,9 +13,9 @@ from __future__ import annotations
 
 import re
 
-from hardware.load_cells.stream import StreamingCell
-from hardware.load_cells.units import NEWTON_PER_UNIT
-from hardware.transport import Transport
+from ertskin.hardware.load_cells.stream import StreamingCell
+from ertskin.hardware.load_cells.units import NEWTON_PER_UNIT
+from ertskin.hardware.transport import Transport
 
 FULL_SCALE = 1 << 23
 _VALUE = r"([+-]?\d{1,7}\.\d{1,4})"

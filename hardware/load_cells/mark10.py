@@ -9,11 +9,11 @@ from __future__ import annotations
 
 import re
 
-from hardware.driver import SensorDriver
-from hardware.failure import NoAnswer, Refusal
-from hardware.instrument import Force
-from hardware.load_cells.units import NEWTON_PER_UNIT
-from hardware.transport import Lines, Transport
+from ertskin.hardware.driver import SensorDriver
+from ertskin.hardware.failure import NoAnswer, Refusal
+from ertskin.hardware.instrument import Force
+from ertskin.hardware.load_cells.units import NEWTON_PER_UNIT
+from ertskin.hardware.transport import Lines, Transport
 
 ANSWER_S = 0.3
 PERIOD_S = 0.05

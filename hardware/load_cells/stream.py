@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from hardware.driver import SensorDriver
-from hardware.failure import NoAnswer, Refusal
-from hardware.instrument import Force
-from hardware.transport import Lines, Transport
+from ertskin.hardware.driver import SensorDriver
+from ertskin.hardware.failure import NoAnswer, Refusal
+from ertskin.hardware.instrument import Force
+from ertskin.hardware.transport import Lines, Transport
 
 
 class StreamingCell(SensorDriver):

@@ -6,10 +6,10 @@ from abc import abstractmethod
 
 import numpy as np
 
-from hardware.driver import Driver
-from hardware.failure import LimitExceeded
-from hardware.instrument import Array, Travel
-from hardware.transport import Lines, Transport
+from ertskin.hardware.driver import Driver
+from ertskin.hardware.failure import LimitExceeded
+from ertskin.hardware.instrument import Array, Travel
+from ertskin.hardware.transport import Lines, Transport
 
 ANSWER_S = 3.0
 """An answer that waits for no motion comes within this time."""

@@ -13,15 +13,21 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hardware.failure import NoAnswer, Refusal
-from hardware.instrument import Array, Travel
-from hardware.stages.gcode import ANSWER_S, MOST_LINES, GcodeStage, millimetres
-from hardware.transport import RECONNECT_S, Lines, Transport
+from ertskin.hardware.failure import NoAnswer, Refusal
+from ertskin.hardware.instrument import Array, Travel
+from ertskin.hardware.stages.gcode import ANSWER_S, MOST_LINES, GcodeStage, millimetres
+from ertskin.hardware.transport import RECONNECT_S, Lines, Transport
 
 BUFFER_BYTES = 128
 STATUS_PERIOD_S = 0.2
+WAKE_S = 2.0
+"""How long a controller may take to say who it is, and once more to restart, before it is given up."""
+AWAKE_S = 1.0
+"""A controller that runs answers a status request within this time."""
 IDENTIFY_ATTEMPTS = 3
-BANNER_S = 3.0
+RESET_S = (3.0, 6.0, 15.0)
+"""How long the banner is waited for after a reset, before the next one: a board that needs long must not be begun anew
+again and again."""
 TOLERANCE_M = 15e-6
 STATES = frozenset({"Idle", "Run", "Hold", "Jog", "Alarm", "Door", "Check", "Home", "Sleep"})
 _NUMBER = r"-?\d{1,6}(?:\.\d{1,4})?"
@@ -80,15 +86,20 @@ class Grbl(GcodeStage):
     # ------------------------------------------------------------------------------------------------ the interface
 
     def identify(self) -> str:
-        """GRBL's version. Many boards restart when their port is opened, and are asked again once they have."""
-        for attempt in range(IDENTIFY_ATTEMPTS):
+        """GRBL's version. Many boards restart when their port is opened, and are asked again once they have.
+
+        Raises ``NoAnswer`` after four seconds without any.
+        """
+        for _ in range(IDENTIFY_ATTEMPTS - 1):
             self._lines.discard()
             try:
                 return self._version()
-            except (_Restarted, NoAnswer):
-                if attempt + 1 == IDENTIFY_ATTEMPTS:
-                    raise
-        raise AssertionError("unreachable")
+            except _Restarted:
+                continue
+            except NoAnswer:
+                # One that a limit switch stopped takes nothing but a reset.
+                self._reset((WAKE_S,))
+        return self._version()
 
     def position_m(self) -> Array:
         """(3,) machine position."""
@@ -118,16 +129,11 @@ class Grbl(GcodeStage):
         return True
 
     def halt(self) -> None:
-        """Feed hold, then a soft reset once it stands: the position stays known."""
+        """Feed hold; returns once it stands, so that a reset leaves its position known."""
         self._transport.write(b"!")
         deadline = self._clock.now() + ANSWER_S
-        while self._clock.now() < deadline:
-            try:
-                if self._status().state not in ("Run", "Jog", "Home"):
-                    break
-            except NoAnswer:
-                continue
-        self._reset()
+        while self._status().state in ("Run", "Jog", "Home") and self._clock.now() < deadline:
+            pass
 
     def recover(self) -> None:
         """Reopen the port if it must be, soft reset, unlock."""
@@ -194,7 +200,7 @@ class Grbl(GcodeStage):
         raise NoAnswer(f"{self._name}: no status report")
 
     def _version(self) -> str:
-        for line in self._command("$I"):
+        for line in self._command("$I", WAKE_S):
             if line.startswith("[VER:1.1"):
                 return f"GRBL {line[5:].strip(':]')}"
         raise Refusal(f"{self._name}: is no GRBL 1.1")
@@ -216,16 +222,31 @@ class Grbl(GcodeStage):
             raise
         return True
 
-    def _reset(self) -> None:
-        """Soft reset; returns at the banner."""
+    def _reset(self, patience_s: tuple[float, ...] = RESET_S) -> None:
+        """Soft reset, as often as there are waits for its banner; returns at the banner."""
         self._lines.discard()
         self._forget_move()
-        for _ in range(2):
+        for wait_s in patience_s:
             self._transport.write(b"\x18")
-            deadline = self._clock.now() + BANNER_S
-            while (line := self._lines.next(deadline - self._clock.now())) is not None:
-                if line.startswith("ALARM:"):
-                    self.trusted = False
-                if line.startswith("Grbl "):
-                    return
+            if self._banner_came(wait_s):
+                return
         raise NoAnswer(f"{self._name}: no answer to a reset")
+
+    def _banner_came(self, timeout_s: float) -> bool:
+        """Wait for the banner; not for long from a controller that says anything else, for it did not restart."""
+        deadline = self._clock.now() + timeout_s
+        asked = True
+        while (left := deadline - self._clock.now()) > 0.0:
+            if not asked:
+                self._transport.write(b"?")
+            line = self._lines.next(min(left, AWAKE_S))
+            asked = line is not None
+            if line is None:
+                continue
+            if line.startswith("Grbl "):
+                return True
+            elif line.startswith("ALARM:"):
+                self.trusted = False
+            elif line.startswith("error:") or parse_status(line) is not None:
+                deadline = min(deadline, self._clock.now() + AWAKE_S)
+        return False

@@ -14,10 +14,10 @@ from collections import deque
 
 import numpy as np
 
-from hardware.failure import InstrumentError, NoAnswer, Refusal
-from hardware.instrument import Array, Travel
-from hardware.stages.gcode import ANSWER_S, MOST_LINES, GcodeStage
-from hardware.transport import RECONNECT_S, Lines, Transport
+from ertskin.hardware.failure import InstrumentError, NoAnswer, Refusal
+from ertskin.hardware.instrument import Array, Travel
+from ertskin.hardware.stages.gcode import ANSWER_S, MOST_LINES, GcodeStage
+from ertskin.hardware.transport import RECONNECT_S, Lines, Transport
 
 LONGEST_BUSY_S = 120.0
 BOOT_S = 4.0
@@ -55,9 +55,9 @@ class Marlin(GcodeStage):
     # ------------------------------------------------------------------------------------------------ the interface
 
     def identify(self) -> str:
-        """Marlin's name and version."""
+        """Marlin's name and version; raises ``NoAnswer`` after six seconds without an answer."""
         self._lines.discard()
-        self._restart_numbering()
+        self._restart_numbering(resends=1)
         for line in self._command("M115"):
             if line.startswith("FIRMWARE_NAME:Marlin"):
                 self._set_modes()
@@ -92,7 +92,7 @@ class Marlin(GcodeStage):
         self._transport.write(numbered(self._number, "M410"))
         self._clock.sleep(0.3)
         self._lines.discard()
-        self._restart_numbering()
+        self._restart_numbering(resends=1)
 
     def recover(self) -> None:
         """Reopen the port (which restarts most boards), clear a stop, start the numbering anew."""
@@ -109,11 +109,11 @@ class Marlin(GcodeStage):
 
     # ------------------------------------------------------------------------------------------------- the protocol
 
-    def _command(self, command: str, timeout_s: float = ANSWER_S) -> list[str]:
+    def _command(self, command: str, timeout_s: float = ANSWER_S, resends: int = RESENDS) -> list[str]:
         """Send one numbered line and return what came before its ``ok``."""
         self._number += 1
         self._transport.write(numbered(self._number, command))
-        return self._answer(command, timeout_s)
+        return self._answer(command, timeout_s, resends)
 
     def _begin(self, line: str, seconds: float) -> None:
         """The move, and behind it a line that is answered when it has ended."""
@@ -127,7 +127,7 @@ class Marlin(GcodeStage):
         super()._forget_move()
         self._waiting_since = None
 
-    def _answer(self, command: str, timeout_s: float) -> list[str]:
+    def _answer(self, command: str, timeout_s: float, most_resends: int = RESENDS) -> list[str]:
         """What comes before the ``ok`` of line ``_number``; sends it again as often as the firmware asks."""
         before: deque[str] = deque(maxlen=MOST_LINES)
         start = self._clock.now()
@@ -139,7 +139,7 @@ class Marlin(GcodeStage):
             if line is None or (resend := self._asked_for(line)) == self._number:
                 # Nothing came, or the line came damaged: an ok that was lost shows as a request for the next line.
                 resends += 1
-                if resends > RESENDS or self._clock.now() - start > LONGEST_BUSY_S:
+                if resends > most_resends or self._clock.now() - start > LONGEST_BUSY_S:
                     raise NoAnswer(f"{self._name}: no ok to {command!r} within {timeout_s:g} s")
                 skip_ok = line is not None
                 self._transport.write(numbered(self._number, command))
@@ -204,9 +204,9 @@ class Marlin(GcodeStage):
         while self._waiting_since is not None:
             self._arrived(0.1)
 
-    def _restart_numbering(self) -> None:
+    def _restart_numbering(self, resends: int = RESENDS) -> None:
         self._number = -1
-        self._command("M110 N0")
+        self._command("M110 N0", resends=resends)
         self._number = 0
 
     def _settle(self) -> None:

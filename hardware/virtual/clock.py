@@ -7,6 +7,8 @@ import select
 import time
 from typing import Protocol
 
+from ertskin.hardware.clock import Readable
+
 STUCK_S = 2.0
 """Real seconds after which bytes under way count as lost."""
 
@@ -58,9 +60,9 @@ class VirtualClock:
         """Let so many seconds pass."""
         self._wait(None, seconds)
 
-    def wait_readable(self, descriptor: int, timeout_s: float) -> bool:
-        """Wait until the file descriptor can be read."""
-        return self._wait(descriptor, timeout_s)
+    def wait_readable(self, port: Readable, timeout_s: float) -> bool:
+        """Wait until the port can be read."""
+        return self._wait(port.fileno(), timeout_s)
 
     def opened(self, port: str) -> None:
         """The host opened a line, which throws away what was on it."""

@@ -1,6 +1,6 @@
 """Emulated ERT readers: our own link, an OpenEIT Spectra, an EIT-kit.
 
-Their protocols' sources are named beside the drivers, in ``hardware.ert_readers``.
+Their protocols' sources are named beside the drivers, in ``ertskin.hardware.ert_readers``.
 """
 
 from __future__ import annotations
@@ -13,9 +13,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from hardware.ert_readers.frame import Flag, Frame, Type, encode, scan_payload
-from hardware.virtual.terminal import DeviceClock, Terminal
-from hardware.virtual.world import Array, World
+from ertskin.hardware.ert_readers.frame import Flag, Frame, Type, encode, scan_payload
+from ertskin.hardware.virtual.terminal import DeviceClock, Terminal
+from ertskin.hardware.virtual.world import Array, World
 
 KEPT_SCANS = 4
 _REQUEST = re.compile(rb"S (\d{1,10})")

@@ -17,16 +17,16 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from hardware.experiment import Experiment
-from hardware.failure import InstrumentError
-from hardware.plan import Plan, Press, ramp
-from hardware.recorder import Recorder, part_of
-from hardware.recording import Recording, read_recording
-from hardware.samples import mean_force_n
-from hardware.virtual.faults import DAMAGE, Faults
-from hardware.virtual.rig import VirtualBench, virtual_bench
-from hardware.virtual.skin import SpringSkin
-from physics.protocol import Protocol
+from ertskin.hardware.experiment import Experiment
+from ertskin.hardware.failure import InstrumentError
+from ertskin.hardware.plan import Plan, Press, ramp
+from ertskin.hardware.recorder import Recorder, part_of
+from ertskin.hardware.recording import Recording, read_recording
+from ertskin.hardware.samples import mean_force_n
+from ertskin.hardware.virtual.faults import DAMAGE, Faults
+from ertskin.hardware.virtual.rig import VirtualBench, virtual_bench
+from ertskin.hardware.virtual.skin import SpringSkin
+from ertskin.physics.protocol import Protocol
 
 T = TypeVar("T")
 READERS = ("link", "spectra", "eit_kit")
@@ -277,7 +277,7 @@ def try_experiment(stage: str, load_cell: str, reader: str, seed: int, share: fl
         experiment = Experiment(rig, recorder, bench.clock.now(), break_down)
         tally.timed(bench, len(plan.presses) * 400.0, lambda: experiment.run(plan))
         recorder.close()
-        frames = read_recording(part_of(path)).frames
+        frames = read_recording(part_of(path), sound=False).frames
     assert frames is not None
     tally.handed_out = len(frames)
     for number in range(len(frames)):

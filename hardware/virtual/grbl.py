@@ -1,4 +1,4 @@
-"""An emulated GRBL 1.1 controller (the protocol's source is named in ``hardware.stages.grbl``).
+"""An emulated GRBL 1.1 controller (the protocol's source is named in ``ertskin.hardware.stages.grbl``).
 
 Motion has no inertia; a move's ``ok`` comes when it has been put into a planner of 15 moves, as GRBL's does. Soft
 limits and homing are on: the travel runs from minus its length to zero on every axis, homing goes to the upper corner.
@@ -11,9 +11,9 @@ from pathlib import Path
 
 import numpy as np
 
-from hardware.virtual.axes import Axes
-from hardware.virtual.terminal import DeviceClock, Terminal
-from hardware.virtual.world import Array, World
+from ertskin.hardware.virtual.axes import Axes
+from ertskin.hardware.virtual.terminal import DeviceClock, Terminal
+from ertskin.hardware.virtual.world import Array, World
 
 PLANNER_MOVES = 15
 BUFFER_BYTES = 128
@@ -21,6 +21,7 @@ LINE_BYTES = 80
 RAPID_M_S = 0.05
 HOMING_M_S = 0.02
 REPLY_S = 0.004
+RESET_S = 0.05
 _WORD = re.compile(r"([A-Z])([+-]?(?:\d+\.?\d*|\.\d+))")
 _KNOWN = {"G0", "G1", "G4", "G17", "G20", "G21", "G53", "G54", "G90", "G91", "G94"}
 
@@ -35,6 +36,7 @@ class GrblController(Terminal):
         super().__init__(clock, link)
         self.axes = Axes((0.0, 0.0, 0.0))
         self.homing_m_s = HOMING_M_S
+        self.reset_s = RESET_S
         world.mover = self.axes
         self._travel_m = np.array(travel_m)
         self._shift_m: Array = np.zeros(3)
@@ -122,9 +124,10 @@ class GrblController(Terminal):
         self._answer_s = None
         self._feed_m_s = None
         self._reports = 0
-        self.send(b"\r\nGrbl 1.1h ['$' for help]\r\n", 0.05)
+        self.only_say(b"", self.reset_s)
+        self.send(b"\r\nGrbl 1.1h ['$' for help]\r\n", self.reset_s)
         if state == "Alarm":
-            self.send(b"[MSG:'$H'|'$X' to unlock]\r\n", 0.05)
+            self.send(b"[MSG:'$H'|'$X' to unlock]\r\n", self.reset_s)
 
     def _soft_reset(self) -> None:
         moving = self.axes.end_s > self.clock.now() and not self._held

@@ -1,6 +1,6 @@
 """Emulated load cells: an HX711 behind a microcontroller, a Mark-10 gauge, a FUTEK USB cell.
 
-Their protocols' sources are named beside the drivers, in ``hardware.load_cells``.
+Their protocols' sources are named beside the drivers, in ``ertskin.hardware.load_cells``.
 """
 
 from __future__ import annotations
@@ -8,8 +8,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from hardware.virtual.terminal import DeviceClock, Terminal
-from hardware.virtual.world import World
+from ertskin.hardware.virtual.terminal import DeviceClock, Terminal
+from ertskin.hardware.virtual.world import World
 
 HX711_LAYOUTS: dict[str, Callable[[float, float], str]] = {
     "counts": lambda force_n, _time_s: f"{round(force_n * 20_000.0) + 81_234}",

@@ -1,4 +1,4 @@
-"""An emulated Marlin controller (the protocol's source is named in ``hardware.stages.marlin``).
+"""An emulated Marlin controller (the protocol's source is named in ``ertskin.hardware.stages.marlin``).
 
 Motion has no inertia; a planner of 16 moves; ``M400`` and homing are answered at their end and say ``echo:busy:`` every
 two seconds; with EMERGENCY_PARSER, so ``M410`` acts at once.
@@ -11,10 +11,10 @@ from pathlib import Path
 
 import numpy as np
 
-from hardware.stages.marlin import numbered
-from hardware.virtual.axes import Axes
-from hardware.virtual.terminal import DeviceClock, Terminal
-from hardware.virtual.world import World
+from ertskin.hardware.stages.marlin import numbered
+from ertskin.hardware.virtual.axes import Axes
+from ertskin.hardware.virtual.terminal import DeviceClock, Terminal
+from ertskin.hardware.virtual.world import World
 
 PLANNER_MOVES = 16
 BUSY_S = 2.0

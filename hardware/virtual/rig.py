@@ -11,18 +11,18 @@ from typing import Any
 
 import numpy as np
 
-from hardware.clock import Clock
-from hardware.plan import Press
-from hardware.rig import Rig, open_rig
-from hardware.virtual.clock import VirtualClock
-from hardware.virtual.ert_readers import LinkReader, eit_kit_board, spectra_board
-from hardware.virtual.grbl import GrblController
-from hardware.virtual.load_cells import Mark10Gauge, futek_cell, hx711_scale
-from hardware.virtual.marlin import MarlinController
-from hardware.virtual.serving import RealTimeClock
-from hardware.virtual.skin import Skin
-from hardware.virtual.terminal import DeviceClock, Terminal
-from hardware.virtual.world import Block, Pair, SpecimenPlace, World
+from ertskin.hardware.clock import Clock
+from ertskin.hardware.plan import Press
+from ertskin.hardware.rig import Rig, open_rig
+from ertskin.hardware.virtual.clock import VirtualClock
+from ertskin.hardware.virtual.ert_readers import LinkReader, eit_kit_board, spectra_board
+from ertskin.hardware.virtual.grbl import GrblController
+from ertskin.hardware.virtual.load_cells import Mark10Gauge, futek_cell, hx711_scale
+from ertskin.hardware.virtual.marlin import MarlinController
+from ertskin.hardware.virtual.serving import RealTimeClock
+from ertskin.hardware.virtual.skin import Skin
+from ertskin.hardware.virtual.terminal import DeviceClock, Terminal
+from ertskin.hardware.virtual.world import Block, Pair, SpecimenPlace, World
 
 MARGIN_M = 0.03
 """How far the stage reaches beyond the sheet."""

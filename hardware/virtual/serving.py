@@ -5,8 +5,8 @@ from __future__ import annotations
 import select
 import threading
 
-from hardware.clock import SystemClock
-from hardware.virtual.terminal import Terminal
+from ertskin.hardware.clock import SystemClock
+from ertskin.hardware.virtual.terminal import Terminal
 
 LONGEST_WAIT_S = 0.02
 

@@ -7,8 +7,8 @@ from typing import Protocol as Interface
 import numpy as np
 from numpy.typing import NDArray
 
-from physics.protocol import Protocol, electrode_pairs, pair_resistances
-from physics.sensor import Layer, Sensor, four_points_m, rectangle_m, taxel_grid_m
+from ertskin.physics.protocol import Protocol, electrode_pairs, pair_resistances
+from ertskin.physics.sensor import Layer, Sensor, four_points_m, rectangle_m, taxel_grid_m
 
 Array = NDArray[np.float64]
 
@@ -46,7 +46,7 @@ class SpringSkin:
         rim = np.concatenate([rim, nodes * np.arange(nodes - 2, 0, -1)])
         self._at = rim[np.linspace(0, len(rim), electrodes, endpoint=False).astype(int)]
         self._nodes_m = cell_m * np.stack([np.arange(nodes**2) % nodes, np.arange(nodes**2) // nodes], axis=1)
-        center = np.clip(self._nodes_m[self._at], 2e-3, size_m - 2e-3)
+        center = np.clip(self._nodes_m[self._at], 3e-3, size_m - 3e-3)
         self.sensor = Sensor(
             rectangle_m((size_m, size_m)), 1e3, 10.0, center, np.full((electrodes, 2), 4e-3),
             taxel_m=taxel_grid_m((size_m, size_m), 3, 3), layers=(Layer("foam", 4e-3, 28e3, 0.3),),

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from hardware.virtual.bench.piezo import ClosingLaw, LogCreep, WedgeMemory
-from hardware.virtual.bench.truth import Truth
+from ertskin.hardware.virtual.bench.piezo import ClosingLaw, LogCreep, WedgeMemory
+from ertskin.hardware.virtual.bench.truth import Truth
 
 
 class BenchSpecimen:

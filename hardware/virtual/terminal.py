@@ -10,7 +10,7 @@ import tty
 from pathlib import Path
 from typing import Protocol
 
-from hardware.virtual.faults import Faults
+from ertskin.hardware.virtual.faults import Faults
 
 BACKLOG = 1 << 17
 """Bytes kept for a host that does not read; the rest is lost, as on a real line."""
@@ -46,6 +46,8 @@ class Terminal:
         self._number = 0
         self._waiting = b""
         self._free_s = 0.0
+        self._only_until_s = -float("inf")
+        self._only = b""
         self._plug_in()
 
     # ------------------------------------------------------------------------------------------ what a device does
@@ -92,6 +94,10 @@ class Terminal:
         self.clock.renew(self.port)
         self._back_s = self.clock.now() + seconds
 
+    def only_say(self, words: bytes, seconds: float) -> None:
+        """Answer whatever comes with ``words``, heeding nothing, for so many seconds; without words be deaf."""
+        self._only, self._only_until_s = words, self.clock.now() + seconds
+
     @property
     def plugged(self) -> bool:
         """Whether the cable is in."""
@@ -123,7 +129,9 @@ class Terminal:
         if data:
             delay_s, data = self.incoming.suffered(data)
             del delay_s
-            if data:
+            if data and self.clock.now() < self._only_until_s:
+                self.send(self._only)
+            elif data:
                 self.receive(data)
         self.tick()
         self._deliver()

@@ -8,7 +8,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from hardware.virtual.skin import Skin
+from ertskin.hardware.virtual.skin import Skin
 
 Array = NDArray[np.float64]
 

@@ -6,10 +6,10 @@ import dataclasses
 
 import numpy as np
 
-from hardware.recording import Coupon, Frames, Recording, RigidBlock, Specimen
-from physics.history import History
-from physics.protocol import Protocol, electrode_pairs
-from physics.sensor import Layer, Sensor, four_points_m, rectangle_m, taxel_grid_m
+from ertskin.hardware.recording import Coupon, Frames, Recording, RigidBlock, Specimen
+from ertskin.physics.history import History
+from ertskin.physics.protocol import Protocol, electrode_pairs, pair_resistances
+from ertskin.physics.sensor import Layer, Sensor, four_points_m, rectangle_m, taxel_grid_m
 
 
 def example(seed: int = 0, adc: bool = True) -> Recording:
@@ -31,7 +31,7 @@ def example(seed: int = 0, adc: bool = True) -> Recording:
     protocol = Protocol.against_sink(
         pairs, 4, 1e-4, injection_offset_s=np.arange(6) * 0.05, scan_s=0.3, adc_volts_per_count=1e-4, adc_limit_v=10.0
     )
-    count = random.integers(0, 50_000, (5, 6, 4), dtype=np.int32)
+    count = _counts(random, protocol)
     contact = np.full((5, 1, 2), np.nan)
     contact[1:4] = 0.03
     depth = np.array([np.nan, 1e-3, 2e-3, 1e-3, np.nan])[:, None]
@@ -41,7 +41,7 @@ def example(seed: int = 0, adc: bool = True) -> Recording:
         np.array([0, 1, 2, 3, 0], dtype=np.uint8),
         contact,
         depth,
-        random.normal(size=(5, 1)),
+        np.array([0.01, 1.0, 2.0, 0.9, -0.01])[:, None] + 1e-3 * random.normal(size=(5, 1)),
     )
     frames = Frames((count * 1e-4).astype(np.float32), history, count if adc else None)
     times = np.arange(8.0)
@@ -51,6 +51,35 @@ def example(seed: int = 0, adc: bool = True) -> Recording:
         RigidBlock(1e-5 * times, 0.09 * times),
         Coupon(times, 0.01 - 1e-4 * times, times, 0.01, 5e-5, "free", 1.0),
     )  # fmt: skip
+
+
+def undriven(electrodes: int) -> Recording:
+    """A tank read in the adjacent scheme, the driven electrodes not read, one reading lost."""
+    angle = 2 * np.pi * np.arange(2 * electrodes) / (2 * electrodes)
+    outline = 0.1 * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    sensor = Sensor(outline, electrode_edge_m=np.stack([outline[::2], outline[1::2]], axis=1))
+    number = np.arange(electrodes)
+    after = (number + 1) % electrodes
+    reads = np.stack([number, after], axis=1)
+    measured = ~(reads[None, :, :, None] == reads[:, None, None, :]).any(axis=(2, 3))
+    current = 1e-3 * (np.eye(electrodes) - np.eye(electrodes)[after])
+    protocol = Protocol.differences(current, reads, measured=measured)
+    voltage = np.random.default_rng(0).normal(size=(2, electrodes, electrodes)).astype(np.float32)
+    voltage[:, ~measured] = np.nan
+    voltage[1, 0, 3] = np.nan
+    nothing = np.zeros((2, 0))
+    history = History(
+        np.arange(2.0), np.zeros(2, np.int64), np.zeros(2, np.uint8), np.zeros((2, 0, 2)), nothing, nothing
+    )
+    return Recording("tank", "", "", sensor, protocol, Frames(voltage, history))
+
+
+def _counts(random: np.random.Generator, protocol: Protocol) -> np.ndarray:
+    """(5,6,4) converter's counts of a random passive network that changes a little from frame to frame."""
+    root = random.normal(size=(4, 4)) + 2.0 * np.eye(4)
+    transfer = [2e3 * (1.0 + 0.05 * frame) * root @ root.T for frame in range(5)]
+    voltage = protocol.readings(np.stack([pair_resistances(t) for t in transfer]))
+    return np.asarray(np.clip(np.round(voltage / 1e-4), 0, 100_000), dtype=np.int32)
 
 
 def assert_same(one: object, other: object, name: str = "recording") -> None:

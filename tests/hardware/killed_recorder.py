@@ -7,13 +7,14 @@ from pathlib import Path
 
 import numpy as np
 
-from hardware.plan import Plan, Press, ramp
-from hardware.recorder import FrameEntry, Recorder, part_of
-from hardware.recording import Recording
-from physics.history import Phase
+from ertskin.hardware.plan import Plan, Press, ramp
+from ertskin.hardware.recorder import FrameEntry, Recorder, part_of
+from ertskin.hardware.recording import Recording
+from ertskin.physics.history import Phase
 
 SHAPE = (28, 8)
 PLAN = Plan("killed", (Press(((0.0, 0.0),), ramp(1e-3, 1e-4)),) * 1000)
+WHOLE = PLAN.presses[0].frames
 
 
 def voltage(number: int) -> np.ndarray:
@@ -32,7 +33,7 @@ def main(path: Path) -> None:
     while True:
         number = recorder.frames
         entry = FrameEntry(
-            voltage(number), None, 0.5 * number, number // 10, Phase.LOADING, np.full((1, 2), 0.01), nothing, nothing
+            voltage(number), None, 0.5 * number, number // WHOLE, Phase.LOADING, np.full((1, 2), 0.01), nothing, nothing
         )
         recorder.append(entry)
         print(recorder.frames, flush=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from hardware.failure import LostContact
+from ertskin.hardware.failure import LostContact
 
 
 class ScriptedClock:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from hardware.experiment import Experiment
-from hardware.plan import Plan, Press, ramp
-from hardware.recorder import Recorder
-from hardware.recording import Recording
-from hardware.virtual.rig import VirtualBench, virtual_bench
-from hardware.virtual.skin import SpringSkin
+from ertskin.hardware.experiment import Experiment
+from ertskin.hardware.plan import Plan, Press, ramp
+from ertskin.hardware.recorder import Recorder
+from ertskin.hardware.recording import Recording
+from ertskin.hardware.virtual.rig import VirtualBench, virtual_bench
+from ertskin.hardware.virtual.skin import SpringSkin
 
 
 def bench_of(stage: str = "grbl", load_cell: str = "hx711", reader: str = "link", **options: object) -> VirtualBench:

@@ -11,19 +11,19 @@ import numpy as np
 import pytest
 from scripted_line import ScriptedClock
 
-from hardware.discovery import QUESTIONS
-from hardware.ert_readers.eit_kit import eit_kit
-from hardware.ert_readers.frame import Frame, Type, encode, scan_payload
-from hardware.ert_readers.link import ErtLink
-from hardware.ert_readers.spectra import spectra
-from hardware.failure import InstrumentError, NoAnswer
-from hardware.instrument import Travel
-from hardware.load_cells.futek import futek
-from hardware.load_cells.hx711 import hx711
-from hardware.load_cells.mark10 import Mark10
-from hardware.stages.grbl import Grbl
-from hardware.stages.marlin import Marlin
-from hardware.transport import GRACE_S
+from ertskin.hardware.discovery import QUESTIONS
+from ertskin.hardware.ert_readers.eit_kit import eit_kit
+from ertskin.hardware.ert_readers.frame import Frame, Type, encode, scan_payload
+from ertskin.hardware.ert_readers.link import ErtLink
+from ertskin.hardware.ert_readers.spectra import spectra
+from ertskin.hardware.failure import InstrumentError, NoAnswer
+from ertskin.hardware.instrument import Travel
+from ertskin.hardware.load_cells.futek import futek
+from ertskin.hardware.load_cells.hx711 import hx711
+from ertskin.hardware.load_cells.mark10 import Mark10
+from ertskin.hardware.stages.grbl import Grbl
+from ertskin.hardware.stages.marlin import Marlin
+from ertskin.hardware.transport import GRACE_S
 
 SHAPE = (8, 8)
 BOX = Travel((-1.0, -1.0, -1.0), (1.0, 1.0, 1.0))

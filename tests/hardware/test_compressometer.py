@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hardware.compressometer import COLUMNS, read_specimen_table
-from hardware.recording import RecordingError
+from ertskin.hardware.compressometer import COLUMNS, read_specimen_table
+from ertskin.hardware.recording import RecordingError
 
 TABLE = ",".join(COLUMNS) + "\n0.0,0.0,4000,0\n1.0,3e4,2500,0\n2.0,0.0,3900.5,1\n"
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from hardware.discovery import ask_rig, discover
-from hardware.rig import RigError, open_rig
-from hardware.virtual.fault_trial import small_bench
+from ertskin.hardware.discovery import ask_rig, discover
+from ertskin.hardware.rig import RigError, open_rig
+from ertskin.hardware.virtual.fault_trial import small_bench
 
 
 @pytest.mark.parametrize(

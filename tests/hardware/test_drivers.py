@@ -9,21 +9,22 @@ import numpy as np
 import pytest
 from scripted_line import ScriptedLine
 
-from hardware.ert_readers.eit_kit import eit_kit
-from hardware.ert_readers.frame import Flag, Frame, Type, encode, scan_payload
-from hardware.ert_readers.link import ErtLink
-from hardware.ert_readers.spectra import spectra
-from hardware.ert_readers.text import TextReader
-from hardware.failure import LimitExceeded, LostContact, NoAnswer, Refusal
-from hardware.instrument import ErtReader, LoadCell, Stage, Travel
-from hardware.load_cells.futek import futek
-from hardware.load_cells.hx711 import hx711
-from hardware.load_cells.mark10 import Mark10
-from hardware.load_cells.stream import StreamingCell
-from hardware.stages.grbl import Grbl
-from hardware.stages.marlin import Marlin, numbered
+from ertskin.hardware.ert_readers.eit_kit import eit_kit
+from ertskin.hardware.ert_readers.frame import Flag, Frame, Type, encode, scan_payload
+from ertskin.hardware.ert_readers.link import ErtLink
+from ertskin.hardware.ert_readers.spectra import spectra
+from ertskin.hardware.ert_readers.text import TextReader
+from ertskin.hardware.failure import LimitExceeded, LostContact, NoAnswer, Refusal
+from ertskin.hardware.instrument import ErtReader, LoadCell, Stage, Travel
+from ertskin.hardware.load_cells.futek import futek
+from ertskin.hardware.load_cells.hx711 import hx711
+from ertskin.hardware.load_cells.mark10 import Mark10
+from ertskin.hardware.load_cells.stream import StreamingCell
+from ertskin.hardware.stages.grbl import Grbl
+from ertskin.hardware.stages.marlin import Marlin, numbered
 
 TRAVEL = Travel((-0.2, -0.2, -0.1), (0.0, 0.0, 0.0))
+BANNER = b"\r\nGrbl 1.1h ['$' for help]\r\n"
 UPWARD = Travel((0.0, 0.0, 0.0), (0.2, 0.2, 0.1))
 
 
@@ -95,10 +96,37 @@ def test_grbl_that_restarts_by_itself_is_not_believed() -> None:
 
 
 def test_grbl_silent_ends_in_its_time() -> None:
-    line = ScriptedLine(*[(b"$I\n", b"")] * 3)
-    with pytest.raises(NoAnswer, match="3 s"):
+    line = ScriptedLine((b"$I\n", b""), (b"\x18", b""), (b"?", b""))
+    with pytest.raises(NoAnswer, match="no answer to a reset"):
         Grbl(line, TRAVEL).identify()
-    assert line.clock.now() == pytest.approx(9.0, abs=0.1)
+    assert line.clock.now() == pytest.approx(4.0, abs=0.1)
+
+
+def test_grbl_locked_by_a_limit_switch_is_woken_by_a_reset() -> None:
+    line = ScriptedLine((b"$I\n", b""), (b"\x18", BANNER), (b"$I\n", b"[VER:1.1h.20190830:]\r\nok\r\n"))
+    assert Grbl(line, TRAVEL).identify() == "GRBL 1.1h.20190830"
+
+
+def test_grbl_that_did_not_hear_a_reset_is_reset_again_as_soon_as_it_answers() -> None:
+    awake = b"<Idle|MPos:0.000,0.000,-5.000|FS:0,0>\r\n"
+    line = ScriptedLine(
+        (b"\x18", b""),
+        (b"?", b""),
+        (b"?", awake),
+        (b"\x18", BANNER),
+        (b"$X\n", b"ok\r\n"),
+        (b"G21 G90 G94\n", b"ok\r\n"),
+    )
+    Grbl(line, TRAVEL).recover()
+    assert line.done()
+    assert line.clock.now() < 4.0
+
+
+def test_grbl_that_boots_for_twelve_seconds_is_not_begun_anew_meanwhile() -> None:
+    line = ScriptedLine((b"\x18", b""), *[(b"?", b"")] * 2, (b"\x18", b""), *[(b"?", b"")] * 5, (b"\x18", b""))
+    line._traffic += [(b"?", b"")] * 11 + [(b"?", BANNER), (b"$X\n", b"ok\r\n"), (b"G21 G90 G94\n", b"ok\r\n")]
+    Grbl(line, TRAVEL).recover()
+    assert line.done()
 
 
 def test_grbl_that_restarts_when_its_port_is_opened_is_asked_again() -> None:

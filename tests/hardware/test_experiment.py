@@ -10,18 +10,19 @@ import numpy as np
 import pytest
 from small_experiment import bench_of, deepest_m, experiment_of, plan_of_presses, recorder_of
 
-from hardware.experiment import Experiment, Progress, check_plan
-from hardware.failure import InstrumentError, LimitExceeded, LostContact
-from hardware.indenter import Indenter, StillPressing
-from hardware.instrument import Travel
-from hardware.plan import Plan, PlanError, Press, ramp, two_point_test
-from hardware.recorder import part_of
-from hardware.recording import read_recording
-from hardware.rigid_block import press_rigid_block
-from hardware.specimen_run import SpecimenSetup, press_specimen
-from hardware.validate import validate
-from hardware.virtual.rig import PLATE_M2
-from physics.history import Phase
+from ertskin.hardware.experiment import Experiment, Progress, check_plan
+from ertskin.hardware.failure import InstrumentError, LimitExceeded, LostContact, NoAnswer
+from ertskin.hardware.indenter import Indenter, StillPressing
+from ertskin.hardware.instrument import Travel
+from ertskin.hardware.plan import Plan, PlanError, Press, ramp, two_point_test
+from ertskin.hardware.recorder import part_of
+from ertskin.hardware.recording import read_recording
+from ertskin.hardware.rigid_block import press_rigid_block
+from ertskin.hardware.specimen_run import SpecimenSetup, press_specimen
+from ertskin.hardware.validate import validate
+from ertskin.hardware.virtual.faults import Faults
+from ertskin.hardware.virtual.rig import PLATE_M2
+from ertskin.physics.history import Phase
 
 
 @pytest.mark.parametrize(("stage", "load_cell"), [("grbl", "hx711"), ("marlin", "mark10"), ("grbl", "futek")])
@@ -182,6 +183,45 @@ def test_an_exception_of_ours(tmp_path: Path) -> None:
 def test_a_cable_pulled_for_good(device: str, tmp_path: Path) -> None:
     said = _stopped(tmp_path, LostContact, disturb=lambda bench: getattr(bench, device).unplug())
     assert "can't be opened" in said or "contact lost" in said
+
+
+@pytest.mark.parametrize(("device", "told"), [("load_cell", "no lines of a"), ("reader", "no reader of our link")])
+def test_an_instrument_silent_for_good(device: str, told: str, tmp_path: Path) -> None:
+    silence = Faults(0, {"drop": 1.0})
+    said = _stopped(
+        tmp_path, InstrumentError, disturb=lambda bench: setattr(getattr(bench, device), "outgoing", silence)
+    )
+    assert told in said
+
+
+def test_a_stage_silent_for_good_is_said_aloud(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    bench, plan = bench_of(), plan_of_presses()
+    recorder = recorder_of(bench, plan, tmp_path / "a.h5")
+
+    def show(progress: Progress) -> None:
+        if progress.depth_m == 1e-3:
+            bench.stage.outgoing = Faults(0, {"drop": 1.0})
+
+    with pytest.raises(StillPressing, match=r"raise it by hand: stage .*no answer to a reset"):
+        experiment_of(bench, recorder, show=show).run(plan)
+    assert "ertskin: the stage may still press, trying to raise it (stage " in capfd.readouterr().err
+    recorder.close()
+    bench.close()
+
+
+@pytest.mark.parametrize("stage", ["grbl", "marlin"])
+def test_a_stage_silent_from_the_start_is_refused_and_not_said_to_press(
+    stage: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    bench, plan = bench_of(stage), plan_of_presses()
+    recorder = recorder_of(bench, plan, tmp_path / "a.h5")
+    bench.stage.outgoing = Faults(0, {"drop": 1.0})
+    with pytest.raises(NoAnswer, match="stage"):
+        experiment_of(bench, recorder).run(plan)
+    assert bench.clock.now() < 8.0
+    assert capfd.readouterr().err == ""
+    recorder.close()
+    bench.close()
 
 
 def test_the_stages_own_cable_pulled_for_good_is_said_aloud(tmp_path: Path) -> None:

@@ -6,7 +6,7 @@ import zlib
 
 import pytest
 
-from hardware.virtual.fault_trial import (
+from ertskin.hardware.virtual.fault_trial import (
     LOAD_CELLS,
     READERS,
     STAGES,

@@ -1,86 +1,200 @@
-"""A recording killed while it presses: somebody else raises the stage. In real time, across processes."""
+"""A stage in trouble while it presses, or a recording killed: it comes off the skin. In real time, across processes."""
 
 from __future__ import annotations
 
-import io
 import json
+import signal
 import subprocess
 import sys
+import time
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack
+from dataclasses import dataclass
+from itertools import count
 from pathlib import Path
+from typing import Any
 
+import psutil
 import pytest
 from small_experiment import bench_of
 
-from hardware import guardian
-from hardware.failure import LostContact
-from hardware.guardian import stand_guard
-from hardware.recorder import part_of
-from hardware.recording import read_recording
-from hardware.virtual.serving import Server
+from ertskin.hardware.recorder import part_of
+from ertskin.hardware.recording import read_recording
+from ertskin.hardware.virtual.faults import Faults
+from ertskin.hardware.virtual.rig import VirtualBench
+from ertskin.hardware.virtual.serving import Server
 
 SCRIPT = Path(__file__).with_name("guarded_recording.py")
+PRESSED_M = 6e-4
+REFUSALS = {"grbl": b"error:9\r\n", "marlin": b"Error:Printer halted. kill() called!\r\n"}
+WARNING = "may still press"
 
 
-def test_killed_while_pressing(tmp_path: Path) -> None:
+@dataclass
+class Session:
+    """A recording in a process of its own, on a bench that is served here."""
+
+    bench: VirtualBench
+    process: subprocess.Popen[bytes]
+    out: Path
+
+    @property
+    def said(self) -> str:
+        """What the recording and its guardian have said."""
+        return self.out.with_suffix(".said").read_text()
+
+    def until_pressing(self) -> None:
+        """Return once the indenter is deep in the skin."""
+        self.seconds_until(lambda: self.depth_m > PRESSED_M, 60.0)
+
+    @property
+    def depth_m(self) -> float:
+        """How deep the indenter is; negative in the air."""
+        return self.bench.world.depth_m(self.bench.clock.now())
+
+    def seconds_until(self, true: Callable[[], bool], most_s: float) -> float:
+        """How long that takes; fails after ``most_s``."""
+        begin = time.monotonic()
+        while not true():
+            assert time.monotonic() - begin < most_s, self.said
+            time.sleep(0.02)
+        return time.monotonic() - begin
+
+    def guardians(self) -> list[int]:
+        """Process numbers of those who guard."""
+        mine = self.bench.fields["stage"]["port"]
+        words = {process.pid: process.info["cmdline"] or [] for process in psutil.process_iter(["cmdline"])}
+        return [pid for pid, line in words.items() if "ertskin.hardware.guardian" in line and mine in line[-1]]
+
+
+@pytest.fixture
+def begin(tmp_path: Path) -> Iterator[Callable[..., Session]]:
+    """Begins a recording: on which stage, what happens to the bench before, seconds the recording has to retract."""
+    numbers = count()
     with ExitStack() as stack:
-        bench = bench_of(real_time=True, limits={"travel_speed_m_s": 0.3, "clearance_m": 0.005})
-        stack.callback(bench.close)
-        bench.stage.homing_m_s = 1.0
-        stack.callback(Server([bench.stage, bench.load_cell, bench.reader]).close)
-        command = [sys.executable, str(SCRIPT), str(tmp_path / "a.h5"), json.dumps(bench.fields)]
-        process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-        assert process.stdout is not None
-        assert process.stderr is not None
-        for line in process.stdout:
-            if float(line) >= 7.5e-4:
-                break
-        process.kill()
-        process.wait()
-        killed_m = bench.world.depth_m(bench.clock.now())
-        # Its end of the pipe is the guardian's too: this waits until that one is gone, and leaves no process behind.
-        told = process.stderr.read()
-        assert killed_m > 0.0
-        assert told.endswith("the stage is up\n")
-        assert bench.world.depth_m(bench.clock.now()) < 0.0
-    frames = read_recording(part_of(tmp_path / "a.h5")).frames
+
+        def begun(
+            stage: str = "grbl", before: Callable[[VirtualBench], Any] = lambda _bench: None, retract_s: float = 60.0
+        ) -> Session:
+            bench = bench_of(stage, real_time=True, limits={"travel_speed_m_s": 0.3, "clearance_m": 0.005})
+            stack.callback(bench.close)
+            bench.stage.homing_m_s = 1.0
+            before(bench)
+            stack.callback(Server([bench.stage, bench.load_cell, bench.reader]).close)
+            out = tmp_path / f"{next(numbers)}.h5"
+            command = [sys.executable, str(SCRIPT), str(out), json.dumps(bench.fields), str(retract_s)]
+            said = stack.enter_context(out.with_suffix(".said").open("w"))
+            session = Session(bench, subprocess.Popen(command, stderr=said), out)
+            stack.callback(lambda: session.seconds_until(lambda: not session.guardians(), 30.0))
+            stack.callback(session.process.wait)
+            stack.callback(session.process.kill)
+            return session
+
+        yield begun
+
+
+def test_killed_while_pressing(begin: Callable[..., Session]) -> None:
+    session = begin()
+    session.until_pressing()
+    session.process.kill()
+    session.seconds_until(lambda: not session.guardians(), 20.0)
+    assert session.depth_m < 0.0
+    assert session.said.endswith("raising the stage\nertskin: the stage is up\n")
+    frames = read_recording(part_of(session.out)).frames
     assert frames is not None
     assert len(frames) >= 4
 
 
-class Stage:
-    """A stage whose port comes back after so many tries."""
-
-    gone, raised_m = 0, 0.0
-
-    def __init__(self, *_line: object) -> None:
-        if Stage.gone > 0:
-            Stage.gone -= 1
-            raise LostContact("can't be opened")
-
-    def raise_by(self, height_m: float, _speed_m_s: float) -> None:
-        """Straight up."""
-        Stage.raised_m += height_m
-
-    def recover(self) -> None:
-        """Nothing was wrong with it."""
-
-    close = recover
+def test_a_stage_that_refuses_for_ten_seconds_is_raised_and_the_plan_goes_on(begin: Callable[..., Session]) -> None:
+    sessions = {stage: begin(stage) for stage in REFUSALS}
+    for stage, session in sessions.items():
+        session.until_pressing()
+        session.bench.stage.only_say(REFUSALS[stage], 10.0)
+    for session in sessions.values():
+        session.seconds_until(lambda session=session: session.depth_m < 0.0, 25.0)
+        assert session.said.count(WARNING) >= 3
+        session.until_pressing()
+        assert session.said.endswith("ertskin: the stage is up\n")
+        session.process.send_signal(signal.SIGTERM)
+        assert session.process.wait(20.0) == 128 + signal.SIGTERM
+        assert session.depth_m < 0.0
 
 
-@pytest.mark.parametrize(
-    ("word", "gone", "status", "raised_m"),
-    [(b"well\n", 0, 0, 0.0), (b"", 0, 0, 0.01), (b"", 40, 0, 0.01), (b"", 1000, 1, 0.0)],
-)
-def test_it_tries_until_the_stage_is_back(
-    word: bytes, gone: int, status: int, raised_m: float, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(Stage, "gone", gone)
-    monkeypatch.setattr(Stage, "raised_m", 0.0)
-    monkeypatch.setattr(guardian, "SerialTransport", lambda *_port: None)
-    monkeypatch.setattr(guardian, "STAGES", {"grbl": Stage})
-    monkeypatch.setattr(guardian.SystemClock, "sleep", lambda _clock, _seconds: None)
-    monkeypatch.setattr("sys.stdin", io.TextIOWrapper(io.BytesIO(word)))
-    words = {"stage": {"driver": "grbl", "port": "/dev/stage"}, "height_m": 0.01, "speed_m_s": 0.02}
-    assert stand_guard(json.dumps(words)) == status
-    assert Stage.raised_m == raised_m
+def test_killed_with_a_stage_that_needs_twelve_seconds_to_answer_a_reset(begin: Callable[..., Session]) -> None:
+    session = begin()
+    session.until_pressing()
+    session.bench.stage.reset_s = 12.0
+    session.process.kill()
+    session.seconds_until(lambda: not session.guardians(), 30.0)
+    assert session.depth_m < 0.0
+    assert session.said.count(WARNING) >= 3
+
+
+def test_ended_while_the_stage_refuses(begin: Callable[..., Session]) -> None:
+    signals = [signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT, signal.SIGKILL]
+    sessions = {number: begin() for number in signals}
+    for session in sessions.values():
+        session.until_pressing()
+        session.bench.stage.only_say(REFUSALS["grbl"], 8.0)
+    for number, session in sessions.items():
+        session.seconds_until(lambda session=session: WARNING in session.said, 45.0)
+        assert session.depth_m > 0.0
+        session.process.send_signal(number)
+    for number, session in sessions.items():
+        assert session.process.wait(60.0) in (-number, 128 + number)
+        session.seconds_until(lambda session=session: not session.guardians(), 60.0)
+        assert session.depth_m < 0.0, session.said
+
+
+def test_a_recording_that_can_not_raise_the_stage_hands_it_over(begin: Callable[..., Session]) -> None:
+    session = begin(retract_s=2.0)
+    session.until_pressing()
+    session.bench.stage.only_say(REFUSALS["grbl"], 9.0)
+    assert session.process.wait(30.0) == 1
+    assert session.depth_m < 0.0
+    assert "ertskin: raising the stage\n" in session.said
+    assert "it is up now" in session.said.splitlines()[-1]
+    assert "lock" not in session.said
+    assert session.said.count(WARNING) >= 3
+
+
+def test_a_guardian_that_was_killed_is_replaced(begin: Callable[..., Session]) -> None:
+    session = begin()
+    session.until_pressing()
+    (first,) = session.guardians()
+    psutil.Process(first).kill()
+    session.seconds_until(lambda: session.guardians() not in ([], [first]), 20.0)
+    session.until_pressing()
+    session.process.kill()
+    session.seconds_until(lambda: not session.guardians(), 20.0)
+    assert session.depth_m < 0.0
+
+
+def test_a_terminal_that_is_closed_silences_the_guardian_and_no_more(tmp_path: Path) -> None:
+    with ExitStack() as stack:
+        bench = bench_of(real_time=True, limits={"travel_speed_m_s": 0.3, "clearance_m": 0.005})
+        stack.callback(bench.close)
+        stack.callback(Server([bench.stage, bench.load_cell, bench.reader]).close)
+        words = {"stage": bench.fields["stage"], "height_m": 0.01, "speed_m_s": 0.02}
+        command = [sys.executable, "-m", "ertskin.hardware.guardian", json.dumps(words)]
+        guardian = subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.PIPE)
+        assert guardian.stdin is not None
+        assert guardian.stderr is not None
+        guardian.stderr.close()
+        guardian.stdin.write(b"down\n")
+        guardian.stdin.close()
+        assert guardian.wait(60.0) == 0
+        assert bench.stage.axes.end_m[2] == 0.0
+
+
+def test_a_stage_silent_from_the_start_is_refused_in_time(begin: Callable[..., Session]) -> None:
+    session = begin(before=_silenced)
+    begun = time.monotonic()
+    assert session.process.wait(30.0) == 1
+    assert time.monotonic() - begun < 10.0
+    assert "no answer to a reset" in session.said.splitlines()[-1]
+    assert WARNING not in session.said
+
+
+def _silenced(bench: VirtualBench) -> None:
+    bench.stage.outgoing = Faults(0, {"drop": 1.0})

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hardware.instrument import Scan
-from hardware.live_checks import LiveChecks
-from physics.protocol import Protocol, electrode_pairs
+from ertskin.hardware.instrument import Scan
+from ertskin.hardware.live_checks import LiveChecks
+from ertskin.physics.protocol import Protocol, electrode_pairs
 
 PROTOCOL = Protocol.against_sink(electrode_pairs(8), 8, 1e-4, adc_limit_v=10.0)
 REST_V = PROTOCOL.readings(np.linspace(50.0, 150.0, 28))

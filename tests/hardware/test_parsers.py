@@ -8,16 +8,16 @@ import numpy as np
 import pytest
 from scripted_line import ScriptedLine
 
-from hardware.ert_readers.eit_kit import parse_eit_kit
-from hardware.ert_readers.frame import Frame, FrameParser, Type, encode, identity_of, scan_of, scan_payload
-from hardware.ert_readers.link import parse_identity
-from hardware.ert_readers.spectra import parse_spectra
-from hardware.load_cells.futek import parse_futek
-from hardware.load_cells.hx711 import LAYOUTS, parse_hx711
-from hardware.load_cells.mark10 import parse_mark10
-from hardware.stages.grbl import parse_status
-from hardware.stages.marlin import parse_position
-from hardware.transport import Lines
+from ertskin.hardware.ert_readers.eit_kit import parse_eit_kit
+from ertskin.hardware.ert_readers.frame import Frame, FrameParser, Type, encode, identity_of, scan_of, scan_payload
+from ertskin.hardware.ert_readers.link import parse_identity
+from ertskin.hardware.ert_readers.spectra import parse_spectra
+from ertskin.hardware.load_cells.futek import parse_futek
+from ertskin.hardware.load_cells.hx711 import LAYOUTS, parse_hx711
+from ertskin.hardware.load_cells.mark10 import parse_mark10
+from ertskin.hardware.stages.grbl import parse_status
+from ertskin.hardware.stages.marlin import parse_position
+from ertskin.hardware.transport import Lines
 
 LINE_PARSERS: dict[str, tuple[Callable[[str], object], str]] = {
     "grbl": (parse_status, "<Idle|MPos:-10.000,-20.000,-5.000|FS:0,0|WCO:1.000,2.000,3.000>"),

@@ -7,7 +7,7 @@ import json
 import numpy as np
 import pytest
 
-from hardware.plan import (
+from ertskin.hardware.plan import (
     Plan,
     PlanError,
     Press,
@@ -19,8 +19,8 @@ from hardware.plan import (
     taxel_plan,
     two_point_test,
 )
-from physics.history import Phase
-from physics.sensor import taxel_grid_m
+from ertskin.physics.history import Phase
+from ertskin.physics.sensor import taxel_grid_m
 
 TAXELS = taxel_grid_m((0.12, 0.12), 6, 6)
 

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import os
 from types import SimpleNamespace
 
 import pytest
 import serial.tools.list_ports
 
-from hardware.failure import InstrumentError, LostContact
-from hardware.transport import SerialTransport, find_port
-from hardware.virtual.fault_trial import small_bench
+from ertskin.hardware import clock
+from ertskin.hardware.failure import InstrumentError, LostContact
+from ertskin.hardware.transport import SerialTransport, find_port
+from ertskin.hardware.virtual.fault_trial import small_bench
 
 
 @pytest.fixture
@@ -49,5 +51,18 @@ def test_a_line_is_lost_and_found_again() -> None:
         line.write(b"x")
     assert line.restore(10.0)
     assert line.read(1.0)
+    line.close()
+    bench.close()
+
+
+def test_a_system_that_can_not_wait_for_a_port_looks_again_and_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(clock, "SELECTS", False)
+    bench = small_bench()
+    line = SerialTransport(bench.load_cell.port, 115_200, clock.SystemClock())
+    begin = line.clock.now()
+    assert line.read(0.2) == b""
+    assert 0.2 <= line.clock.now() - begin < 5.0
+    os.write(bench.load_cell.descriptor, b"1.5\n")
+    assert line.read(5.0) == b"1.5\n"
     line.close()
     bench.close()

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from example_recording import example
 
-from hardware.recording import Frames, write_recording
-from hardware.validate import rest_quality, saturated_share, validate
-from physics.protocol import Protocol, electrode_pairs, pair_resistances
+from ertskin.hardware.recording import Frames, write_recording
+from ertskin.hardware.validate import rest_quality, saturated_share, validate
+from ertskin.physics.protocol import Protocol, electrode_pairs, pair_resistances
 
 PROTOCOL = Protocol.against_sink(electrode_pairs(8), 8, 1e-3, adc_limit_v=1.0)
 
@@ -81,7 +81,7 @@ def test_findings_warn(tmp_path: Path) -> None:
     recording = example()
     assert recording.frames is not None
     history = dataclasses.replace(
-        recording.frames.history, phase=np.full(5, 2, np.uint8), time_s=np.array([0.0, 1.0, 0.5, 2.0, 3.0])
+        recording.frames.history, phase=np.full(5, 2, np.uint8), time_s=np.array([0.0, 1.0, 1.0, 2.0, 3.0])
     )
     frames = Frames(recording.frames.voltage_v, history)
     write_recording(tmp_path / "a.h5", dataclasses.replace(recording, frames=frames))

@@ -6,12 +6,12 @@ writes is a recording like any other. ``write_bench`` writes one file, ``Bench``
 in real time.
 """
 
-from hardware.virtual.bench.bench import Bench
-from hardware.virtual.bench.effects import EFFECTS
-from hardware.virtual.bench.live import LiveSkin
-from hardware.virtual.bench.skin import FAST, FINE, FINEST
-from hardware.virtual.bench.truth import BAD_RIG, Noise, Truth, draw_truth
-from hardware.virtual.bench.writing import write_bench
+from ertskin.hardware.virtual.bench.bench import Bench
+from ertskin.hardware.virtual.bench.effects import EFFECTS
+from ertskin.hardware.virtual.bench.live import LiveSkin
+from ertskin.hardware.virtual.bench.skin import FAST, FINE, FINEST
+from ertskin.hardware.virtual.bench.truth import BAD_RIG, Noise, Truth, draw_truth
+from ertskin.hardware.virtual.bench.writing import write_bench
 
 __all__ = [
     "BAD_RIG",

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from hardware.virtual.bench.truth import Noise, Truth
-from physics.protocol import Protocol
+from ertskin.hardware.virtual.bench.truth import Noise, Truth
+from ertskin.physics.protocol import Protocol
 
 Array = NDArray[np.float64]
 
@@ -71,8 +71,9 @@ class Electronics:
         slow = self.truth.parameters("crosstalk")
         if not slow:
             return reading
-        flat, held = reading.ravel().copy(), reading.flat[0]
-        for number in range(flat.size):
+        flat, taken = reading.ravel().copy(), np.flatnonzero(self.protocol.taken)
+        held = flat[taken[0]]
+        for number in taken:
             held = flat[number] = (1.0 - slow["share"]) * flat[number] + slow["share"] * held
         return flat.reshape(reading.shape)
 

@@ -9,18 +9,18 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from hardware.recording import Frames, Recording, RigidBlock, Specimen
-from hardware.virtual.bench.acquisition import Electronics
-from hardware.virtual.bench.indenter import MOVE_S, Stage, interpolation
-from hardware.virtual.bench.nominal import nominal_protocol, nominal_sensor
-from hardware.virtual.bench.piezo import ClosingLaw, LogCreep, WedgeMemory
-from hardware.virtual.bench.plans import PLANS
-from hardware.virtual.bench.repeatability import Repeatability
-from hardware.virtual.bench.skin import FINE, BenchSkin, Resolution
-from hardware.virtual.bench.truth import Truth
-from physics.history import History
-from physics.protocol import Protocol
-from physics.sensor import Sensor
+from ertskin.hardware.recording import Frames, Recording, RigidBlock, Specimen
+from ertskin.hardware.virtual.bench.acquisition import Electronics
+from ertskin.hardware.virtual.bench.indenter import MOVE_S, Stage, interpolation
+from ertskin.hardware.virtual.bench.nominal import nominal_protocol, nominal_sensor
+from ertskin.hardware.virtual.bench.piezo import ClosingLaw, LogCreep, WedgeMemory
+from ertskin.hardware.virtual.bench.plans import PLANS
+from ertskin.hardware.virtual.bench.repeatability import Repeatability
+from ertskin.hardware.virtual.bench.skin import FINE, BenchSkin, Resolution
+from ertskin.hardware.virtual.bench.truth import Truth
+from ertskin.physics.history import History
+from ertskin.physics.protocol import Protocol
+from ertskin.physics.sensor import Sensor
 
 Array = NDArray[np.float64]
 
@@ -64,7 +64,7 @@ class Bench:
         force = np.full(history.depth_m.shape, np.nan)
         for number in range(len(history)):
             ideal_v, force[number] = run.frame(history, number)
-            voltage[number] = run.electronics.scan(ideal_v, history.time_s[number], exact=ideal)
+            voltage[number] = self.protocol.gapped(run.electronics.scan(ideal_v, history.time_s[number], exact=ideal))
             if progress:
                 progress(number + 1, len(history))
         if not ideal:

@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from hardware.virtual.bench.plans import QUICK_TAXELS
-from physics.sensor import Sensor
+from ertskin.hardware.virtual.bench.plans import QUICK_TAXELS
+from ertskin.physics.sensor import Sensor
 
 Parameters = dict[str, Any]
 Draw = Callable[[float, np.random.Generator, Sensor], Parameters]

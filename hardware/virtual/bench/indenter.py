@@ -7,8 +7,8 @@ from copy import copy, deepcopy
 import numpy as np
 from numpy.typing import NDArray
 
-from hardware.virtual.bench.foam import BoucWen, Foam, FoamSpot, Hyperfoam, Mullins, Prony
-from hardware.virtual.bench.truth import Truth
+from ertskin.hardware.virtual.bench.foam import BoucWen, Foam, FoamSpot, Hyperfoam, Mullins, Prony
+from ertskin.hardware.virtual.bench.truth import Truth
 
 Array = NDArray[np.float64]
 

@@ -6,14 +6,14 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from hardware.virtual.bench.acquisition import Electronics
-from hardware.virtual.bench.indenter import Stage, interpolation
-from hardware.virtual.bench.nominal import nominal_protocol, nominal_sensor
-from hardware.virtual.bench.repeatability import Repeatability
-from hardware.virtual.bench.skin import FINE, BenchSkin, Resolution
-from hardware.virtual.bench.truth import Truth
-from physics.protocol import Protocol
-from physics.sensor import Sensor
+from ertskin.hardware.virtual.bench.acquisition import Electronics
+from ertskin.hardware.virtual.bench.indenter import Stage, interpolation
+from ertskin.hardware.virtual.bench.nominal import nominal_protocol, nominal_sensor
+from ertskin.hardware.virtual.bench.repeatability import Repeatability
+from ertskin.hardware.virtual.bench.skin import FINE, BenchSkin, Resolution
+from ertskin.hardware.virtual.bench.truth import Truth
+from ertskin.physics.protocol import Protocol
+from ertskin.physics.sensor import Sensor
 
 Array = NDArray[np.float64]
 

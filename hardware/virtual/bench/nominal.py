@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from physics.protocol import Protocol, electrode_pairs
-from physics.sensor import Layer, Sensor, four_points_m, rectangle_m, taxel_grid_m
+from ertskin.physics.protocol import Protocol, electrode_pairs
+from ertskin.physics.sensor import Layer, Sensor, four_points_m, rectangle_m, taxel_grid_m
 
 
 def nominal_sensor() -> Sensor:

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.special import j1
 
-from hardware.virtual.bench.sheet import gauss_lobatto
-from physics.sensor import Layer
+from ertskin.hardware.virtual.bench.sheet import gauss_lobatto
+from ertskin.physics.sensor import Layer
 
 Array = NDArray[np.float64]
 

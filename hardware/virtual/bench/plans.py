@@ -7,8 +7,8 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from physics.history import History, Phase
-from physics.sensor import Sensor
+from ertskin.physics.history import History, Phase
+from ertskin.physics.sensor import Sensor
 
 Array = NDArray[np.float64]
 

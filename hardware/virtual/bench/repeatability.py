@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from hardware.virtual.bench.truth import Truth
+from ertskin.hardware.virtual.bench.truth import Truth
 
 Array = NDArray[np.float64]
 

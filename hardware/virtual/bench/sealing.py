@@ -14,7 +14,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from hardware.virtual.bench.truth import Truth
+from ertskin.hardware.virtual.bench.truth import Truth
 
 
 class SealError(ValueError):
@@ -50,19 +50,28 @@ def seal(recording: Path, truth: Truth, folder: Path, about: Mapping[str, Any] |
     return commitment
 
 
+def committed(recording: Path) -> str:
+    """The checksum beside a recording that its truth was committed to by; raises ``SealError`` where there is none."""
+    beside = recording.with_suffix(".seal.json")
+    try:
+        return str(json.loads(beside.read_text())["sha256"])
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise SealError(f"{recording}: no seal to open ({error})") from error
+
+
 def unseal(recording: Path, folder: Path) -> tuple[Truth, dict[str, Any]]:
     """The truth of a recording and what was said about it.
 
     Raises ``SealError`` if there is none or it isn't the one committed to.
     """
     beside, hidden = _names(recording, folder)
+    commitment = committed(recording)
     try:
-        committed = json.loads(beside.read_text())["sha256"]
         held = json.loads(hidden.read_text())
         nonce, text = held["nonce"], held["sealed"]
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise SealError(f"{recording}: no seal to open ({error})") from error
-    if _commitment(nonce, text) != committed:
+    if _commitment(nonce, text) != commitment:
         raise SealError(f"{hidden}: this is not the truth that was committed in {beside.name}")
     opened = json.loads(text)
     return Truth.from_json(json.dumps(opened["truth"])), opened["about"]

@@ -8,12 +8,12 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from hardware.virtual.bench.fields import gaussian_field, patch
-from hardware.virtual.bench.pad import FourierPad, PadResolution
-from hardware.virtual.bench.piezo import ClosingLaw, LogCreep, WedgeMemory
-from hardware.virtual.bench.sheet import SpectralSheet
-from hardware.virtual.bench.truth import Truth
-from physics.sensor import Sensor
+from ertskin.hardware.virtual.bench.fields import gaussian_field, patch
+from ertskin.hardware.virtual.bench.pad import FourierPad, PadResolution
+from ertskin.hardware.virtual.bench.piezo import ClosingLaw, LogCreep, WedgeMemory
+from ertskin.hardware.virtual.bench.sheet import SpectralSheet
+from ertskin.hardware.virtual.bench.truth import Truth
+from ertskin.physics.sensor import Sensor
 
 Array = NDArray[np.float64]
 

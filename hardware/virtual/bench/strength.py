@@ -15,13 +15,13 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from hardware.virtual.bench.bench import Bench
-from hardware.virtual.bench.effects import EFFECTS
-from hardware.virtual.bench.nominal import nominal_protocol, nominal_sensor
-from hardware.virtual.bench.plans import QUICK_TAXELS, presses
-from hardware.virtual.bench.skin import FAST
-from hardware.virtual.bench.truth import Truth, draw_truth
-from physics.history import History
+from ertskin.hardware.virtual.bench.bench import Bench
+from ertskin.hardware.virtual.bench.effects import EFFECTS
+from ertskin.hardware.virtual.bench.nominal import nominal_protocol, nominal_sensor
+from ertskin.hardware.virtual.bench.plans import QUICK_TAXELS, presses
+from ertskin.hardware.virtual.bench.skin import FAST
+from ertskin.hardware.virtual.bench.truth import Truth, draw_truth
+from ertskin.physics.history import History
 
 Array = NDArray[np.float64]
 
@@ -98,7 +98,7 @@ class Ruler:
 
     def _run(self, truth: Truth, history: History) -> tuple[Array, History]:
         frames = Bench(truth, self.sensor, self.protocol, FAST).frames(history, "ruler", ideal=True)
-        return frames.voltage_v.astype(float), frames.history
+        return self.protocol.filled(frames.voltage_v.astype(float)), frames.history
 
     def _imposed(self, history: History) -> History:
         """The same presses by force instead of depth."""

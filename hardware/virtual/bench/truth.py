@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from hardware.virtual.bench.effects import EFFECTS, Parameters
-from physics.sensor import Sensor
+from ertskin.hardware.virtual.bench.effects import EFFECTS, Parameters
+from ertskin.physics.sensor import Sensor
 
 
 @dataclass(frozen=True)

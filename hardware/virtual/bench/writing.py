@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
-from hardware.recording import write_recording
-from hardware.virtual.bench.bench import Bench
-from hardware.virtual.bench.nominal import nominal_sensor
-from hardware.virtual.bench.sealing import seal
-from hardware.virtual.bench.skin import FINE, Resolution
-from hardware.virtual.bench.truth import Noise, Truth, draw_truth
+from ertskin.hardware.recording import write_recording
+from ertskin.hardware.virtual.bench.bench import Bench
+from ertskin.hardware.virtual.bench.nominal import nominal_sensor
+from ertskin.hardware.virtual.bench.sealing import seal
+from ertskin.hardware.virtual.bench.skin import FINE, Resolution
+from ertskin.hardware.virtual.bench.truth import Noise, Truth, draw_truth
 
 
 def write_bench(

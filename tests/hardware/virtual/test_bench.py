@@ -5,14 +5,27 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 
-from hardware.recording import read_recording
-from hardware.virtual.bench import BAD_RIG, EFFECTS, FAST, Bench, LiveSkin, Noise, Truth, draw_truth, write_bench
-from hardware.virtual.bench.nominal import nominal_sensor
-from hardware.virtual.bench.plans import PLANS, WEIGHT_N, presses
-from hardware.virtual.bench.sealing import SealError, seal, unseal
-from hardware.virtual.bench.strength import Ruler
-from physics.history import History, Phase
+from ertskin.hardware.description import protocol_of, sensor_of
+from ertskin.hardware.recording import read_recording
+from ertskin.hardware.validate import rest_quality
+from ertskin.hardware.virtual.bench import (
+    BAD_RIG,
+    EFFECTS,
+    FAST,
+    Bench,
+    LiveSkin,
+    Noise,
+    Truth,
+    draw_truth,
+    write_bench,
+)
+from ertskin.hardware.virtual.bench.nominal import nominal_sensor
+from ertskin.hardware.virtual.bench.plans import PLANS, WEIGHT_N, presses
+from ertskin.hardware.virtual.bench.sealing import SealError, seal, unseal
+from ertskin.hardware.virtual.bench.strength import Ruler
+from ertskin.physics.history import History, Phase
 
 SENSOR = nominal_sensor()
 SILENT = Noise(white_v=0.0, force_n=0.0)
@@ -197,3 +210,16 @@ def test_the_ruler_finds_the_strength_for_a_ratio():
     assert reached.own == pytest.approx(1.5, abs=0.03)
     assert ruler.measure({"channel_gain": 0.5 * strength}).own == pytest.approx(np.sqrt(1 + 1.25 / 4), abs=0.03)
     assert ruler.measure({}).own == pytest.approx(1.0, abs=1e-3)
+
+
+def test_a_skin_whose_driven_electrodes_are_not_read() -> None:
+    """The adjacent scheme of 16 electrodes as the configuration describes it: 208 readings of 256."""
+    fields = yaml.safe_load((Path(__file__).parents[3] / "conf" / "sensor" / "adjacent16.yaml").read_text())
+    sensor = sensor_of(fields)
+    protocol = protocol_of(fields["protocol"], sensor.electrodes)
+    assert protocol.count == 208
+    bench = Bench(draw_truth(sensor, 3, {"crosstalk": 1.0}), sensor, protocol, FAST)
+    frames = bench.frames(presses(sensor.taxel_m[:1], np.array([2e-3])), "one press")
+    assert np.array_equal(np.isnan(frames.voltage_v), np.broadcast_to(~protocol.measured, frames.voltage_v.shape))
+    quality = rest_quality(protocol.filled(frames.voltage_v.astype(float)), protocol)
+    assert quality.noise_v == pytest.approx(2e-3, rel=0.2)

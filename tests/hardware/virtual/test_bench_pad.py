@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from hardware.virtual.bench.foam import BoucWen, Foam, FoamSpot, Hyperfoam, Mullins, Prony
-from hardware.virtual.bench.nominal import nominal_sensor
-from hardware.virtual.bench.pad import FourierPad, PadResolution
-from hardware.virtual.bench.piezo import ClosingLaw, LogCreep, WedgeMemory
-from physics.mechanics.pressure import InterfacePressure
-from physics.sensor import Layer
+from ertskin.hardware.virtual.bench.foam import BoucWen, Foam, FoamSpot, Hyperfoam, Mullins, Prony
+from ertskin.hardware.virtual.bench.nominal import nominal_sensor
+from ertskin.hardware.virtual.bench.pad import FourierPad, PadResolution
+from ertskin.hardware.virtual.bench.piezo import ClosingLaw, LogCreep, WedgeMemory
+from ertskin.physics.mechanics.pressure import InterfacePressure
+from ertskin.physics.sensor import Layer
 
 SENSOR = nominal_sensor()
 DEPTH_M = np.concatenate([np.arange(1, 9), np.arange(7, 0, -1)]) * 5e-4

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from hardware.virtual.bench.nominal import nominal_protocol, nominal_sensor
-from hardware.virtual.bench.sheet import SpectralSheet, gauss_lobatto, graded_lines
-from physics.conduction.sheet import SheetModel
-from physics.protocol import pair_resistances
+from ertskin.hardware.virtual.bench.nominal import nominal_protocol, nominal_sensor
+from ertskin.hardware.virtual.bench.sheet import SpectralSheet, gauss_lobatto, graded_lines
+from ertskin.physics.conduction.sheet import SheetModel
+from ertskin.physics.protocol import pair_resistances
 
 SHEET_OHM = 18e3
 CONTACT_OHM = np.random.default_rng(1).uniform(200.0, 1000.0, 24)

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from hardware.virtual.bench import EFFECTS, draw_truth
-from hardware.virtual.bench.nominal import nominal_sensor
-from hardware.virtual.bench.sealing import SealError, seal
+from ertskin.hardware.virtual.bench import EFFECTS, draw_truth
+from ertskin.hardware.virtual.bench.nominal import nominal_sensor
+from ertskin.hardware.virtual.bench.sealing import SealError, seal
 
 FOLDER = Path(__file__).parents[3] / "experiments" / "concealed"
 
