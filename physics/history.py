@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from enum import IntEnum
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
 
@@ -35,6 +35,31 @@ class History:
     contact_m: Array
     depth_m: Array
     force_n: Array
+
+    @classmethod
+    def of_presses(cls, contact_m: ArrayLike, force_n: ArrayLike, *, frames: int = 1, step_s: float = 1.0) -> History:
+        """N presses at places (N,2) or (N,P,2) in metre with forces (N,) or (N,P) in newton.
+
+        Each is held for ``frames`` scans after one at rest, and the skin is left at rest; scans begin every ``step_s``
+        seconds. Depths are not known.
+        """
+        contact = np.asarray(contact_m, dtype=float)
+        contact = contact.reshape(len(contact), -1, 2)
+        presses, contacts = contact.shape[:2]
+        force: Array = np.asarray(force_n, dtype=float).reshape(presses, contacts)
+        phase = np.append(np.tile([Phase.REST] + [Phase.HOLD] * frames, presses), Phase.REST).astype(np.uint8)
+        press = np.minimum(np.arange(len(phase)) // (frames + 1), presses)
+        held = (phase == Phase.HOLD)[:, None]
+        # The last frame belongs to no press; what is looked up for it is then left out.
+        of_press = np.minimum(press, presses - 1)
+        return cls(
+            step_s * np.arange(len(phase), dtype=float),
+            press.astype(np.int64),
+            phase,
+            np.where(held[..., None], contact[of_press], np.nan),
+            np.full((len(phase), contacts), np.nan),
+            np.where(held, force[of_press], np.nan),
+        )
 
     def __len__(self) -> int:
         return len(self.time_s)

@@ -14,9 +14,11 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solve_triangular
 
 Array = NDArray[np.float64]
+
+SEEN = 1e-10
+"""Share of the largest eigenvalue of design'design from which on a scan tells a combination of pair resistances."""
 
 
 def electrode_pairs(electrodes: int) -> NDArray[np.intp]:
@@ -44,13 +46,33 @@ def transfer_matrix(pair_resistance: Array) -> Array:
     return -0.5 * (centred - centred.mean(axis=-2, keepdims=True))
 
 
+def gram_factor(rows: Array) -> Array:
+    """(n,P) C with C'C = rows'rows for rows (R,P) of rank n: upper triangular if n = P, else of orthogonal rows."""
+    gram = rows.T @ rows
+    value, vector = np.linalg.eigh(gram)
+    seen = value > SEEN * value[-1]
+    if seen.all():
+        return np.asarray(np.linalg.cholesky(gram).T)
+    return np.asarray(np.sqrt(value[seen])[:, None] * vector[:, seen].T)
+
+
+def inverse_factor(factor: Array) -> Array:
+    """(P,n) pseudo-inverse of what ``gram_factor`` gives."""
+    if factor.shape[0] == factor.shape[1]:
+        # Triangular, so that no pivot moves; scipy.linalg takes longer to import than many a command to run.
+        return np.asarray(np.linalg.inv(factor))
+    return np.asarray(factor.T / (factor**2).sum(axis=1))
+
+
 @dataclass(frozen=True, eq=False)
 class Protocol:
     """Injections and measurements of one scan.
 
     ``injection_current_a`` (K,L): ampere into each electrode, rows sum to zero. ``measurement`` (K,M,L): weights of the
     electrode potentials in each reading, summing to zero over L. ``pairs`` (K,2) names source and sink where every
-    injection is a pair. ``injection_offset_s`` (K,): when each injection is read after the frame's time.
+    injection is a pair. ``injection_offset_s`` (K,): when each injection is read after the frame's time. ``measured``
+    (K,M): the readings that the instrument takes, all without it; the others have no weights, and are nought wherever
+    readings are computed with.
     """
 
     injection_current_a: Array
@@ -60,6 +82,11 @@ class Protocol:
     scan_s: float | None = None
     adc_volts_per_count: float | None = None
     adc_limit_v: float | None = None
+    measured: NDArray[np.bool_] | None = None
+
+    def __post_init__(self) -> None:
+        if self.measured is not None:
+            object.__setattr__(self, "measurement", np.where(self.measured[:, :, None], self.measurement, 0.0))
 
     @classmethod
     def against_sink(cls, pairs: NDArray[np.intp], electrodes: int, current_a: float, **extra: object) -> Protocol:
@@ -94,6 +121,24 @@ class Protocol:
         return self.measurement.shape[0], self.measurement.shape[1]
 
     @cached_property
+    def taken(self) -> NDArray[np.bool_]:
+        """(K,M) the readings that the instrument takes."""
+        return np.ones(self.shape, dtype=bool) if self.measured is None else self.measured
+
+    @property
+    def count(self) -> int:
+        """Number of readings taken in a scan."""
+        return int(self.taken.sum())
+
+    def filled(self, voltage_v: Array) -> Array:
+        """Readings (..., K, M) with nought where none is taken, as they are computed with."""
+        return np.where(self.taken, voltage_v, 0.0)
+
+    def gapped(self, voltage_v: Array) -> Array:
+        """Readings (..., K, M) with NaN where none is taken, as they are recorded."""
+        return np.where(self.taken, voltage_v, np.nan)
+
+    @cached_property
     def design(self) -> Array:
         """(K*M, P) readings in volt per ohm of pair resistance, P = L(L-1)/2."""
         i, j = np.triu_indices(self.electrodes, 1)
@@ -102,9 +147,17 @@ class Protocol:
         return -0.5 * both.reshape(-1, len(i))
 
     @cached_property
-    def cholesky(self) -> Array:
-        """(P,P) upper triangular C, C'C = design'design; ``LinAlgError`` if the scan can't tell all pairs."""
-        return np.asarray(np.linalg.cholesky(self.design.T @ self.design).T)
+    def factor(self) -> Array:
+        """(n,P) C with C'C = design'design in volt per ohm: the n combinations of pair resistances the scan tells.
+
+        Upper triangular where it tells all P of them, else of orthogonal rows.
+        """
+        return gram_factor(self.design)
+
+    @cached_property
+    def inverse_factor(self) -> Array:
+        """(P,n) in ohm per volt: the pseudo-inverse of ``factor``."""
+        return inverse_factor(self.factor)
 
     def readings(self, pair_resistance: Array) -> Array:
         """(..., K, M) volt of pair resistances (..., P) in ohm; by the transfer matrix, a sixth of the work."""
@@ -114,27 +167,29 @@ class Protocol:
         return np.moveaxis(voltage, -1, 0).reshape(*pair_resistance.shape[:-1], *self.shape)
 
     def reciprocal(self, voltage_v: Array) -> Array:
-        """(..., P) least-squares pair resistances in ohm of readings (..., K, M) in volt."""
-        flat = voltage_v.reshape(*voltage_v.shape[:-2], -1)
+        """(..., P) least-squares pair resistances in ohm of readings (..., K, M) in volt.
+
+        The smallest ones, where the scan doesn't tell them all.
+        """
+        flat = self.filled(voltage_v).reshape(*voltage_v.shape[:-2], -1)
         return self.unwhitened(flat @ self.orthonormal)
 
     @cached_property
     def orthonormal(self) -> Array:
-        """(K*M, P) orthonormal basis of the readings that some resistor network could give."""
-        return solve_triangular(self.cholesky, self.design.T, trans="T", lower=False).T
+        """(K*M, n) orthonormal basis of the readings that some resistor network could give."""
+        return self.design @ self.inverse_factor
 
     def whitened(self, pair_resistance: Array) -> Array:
-        """(..., P) volt: coordinates in ``orthonormal``; white reading noise of s volt stays white, s volt each."""
-        return pair_resistance @ self.cholesky.T
+        """(..., n) volt: coordinates in ``orthonormal``; white reading noise of s volt stays white, s volt each."""
+        return pair_resistance @ self.factor.T
 
     def unwhitened(self, coordinates_v: Array) -> Array:
-        """(..., P) ohm: the inverse of ``whitened``."""
-        flat = coordinates_v.reshape(-1, coordinates_v.shape[-1])
-        solved = solve_triangular(self.cholesky, flat.T, lower=False).T
-        return solved.reshape(coordinates_v.shape)
+        """(..., P) ohm: the inverse of ``whitened``; the smallest pair resistances, where the scan doesn't tell all."""
+        return coordinates_v @ self.inverse_factor.T
 
     def split(self, voltage_v: Array) -> tuple[Array, Array]:
         """Readings (..., K, M) as (reciprocal part, the rest no resistor network could give), both in volt."""
-        flat = voltage_v.reshape(*voltage_v.shape[:-2], -1)
-        part = ((flat @ self.orthonormal) @ self.orthonormal.T).reshape(voltage_v.shape)
-        return part, voltage_v - part
+        voltage = self.filled(voltage_v)
+        flat = voltage.reshape(*voltage.shape[:-2], -1)
+        part = ((flat @ self.orthonormal) @ self.orthonormal.T).reshape(voltage.shape)
+        return part, voltage - part

@@ -75,6 +75,29 @@ def rectangle_m(size_m: tuple[float, float] | Array) -> Array:
     return np.array([[0.0, 0.0], [lx, 0.0], [lx, ly], [0.0, ly]])
 
 
+def disk_m(radius_m: float, points: int = 128) -> Array:
+    """(points,2) outline of a round sheet that fills [0,2R]x[0,2R], counter-clockwise from its rightmost point."""
+    angle = 2 * np.pi * np.arange(points) / points
+    return radius_m * (1.0 + np.stack([np.cos(angle), np.sin(angle)], axis=1))
+
+
+def edge_electrodes_m(
+    outline_m: Array, count: int, width_m: float, first_m: float = 0.0, clockwise: bool = False
+) -> Array:
+    """(count,2,2) first and last points of electrodes spread evenly along an outline (N,2), each ``width_m`` wide.
+
+    The first one's middle lies ``first_m`` along the outline, counter-clockwise from its first point; the others
+    follow, ``clockwise`` or not. Raises ``ValueError`` where they would overlap.
+    """
+    closed = np.vstack([outline_m, outline_m[:1]])
+    arc = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(closed, axis=0), axis=1))])
+    if not 0 < width_m < arc[-1] / count:
+        raise ValueError(f"{count} electrodes of {width_m:g} m don't fit on an outline of {arc[-1]:g} m")
+    middle = first_m + (-1 if clockwise else 1) * arc[-1] / count * np.arange(count)
+    ends = np.mod(np.stack([middle - 0.5 * width_m, middle + 0.5 * width_m], axis=1), arc[-1])
+    return np.stack([np.interp(ends, arc, closed[:, k]) for k in range(2)], axis=-1)
+
+
 def four_points_m(diameter_m: float) -> Array:
     """(4,2) the paper's cylindrical indenter: four point forces at half its radius (II-B)."""
     return 0.25 * diameter_m * np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])

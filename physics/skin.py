@@ -1,6 +1,6 @@
 """The forward chain: contacts and forces, interface pressure, sheet resistance, conduction, readings.
 
-Every stage can carry effects (``physics.effects``); without any this is the paper's multiphysics model (II).
+Every stage can carry effects (``ertskin.physics.effects``); without any this is the paper's multiphysics model (II).
 """
 
 from __future__ import annotations
@@ -13,25 +13,25 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from physics.conduction.sheet import Resolution, SheetModel, Solution
-from physics.effects.effect import (
+from ertskin.physics.conduction.sheet import Resolution, SheetModel, Solution
+from ertskin.physics.effects.effect import (
     AcquisitionEffect,
     Effect,
     ElectrodeEffect,
     FoamEffect,
+    MotionEffect,
     PiezoEffect,
     PlacementEffect,
     SheetEffect,
 )
-from physics.effects.piezo_chain import fabric_ohm_sq
-from physics.effects.scan_skew import ScanSkew
-from physics.history import History
-from physics.mechanics.pressure import InterfacePressure
-from physics.mechanics.reaction import foam_force_n
-from physics.mechanics.stiffness import sensor_stiffness_n_per_m
-from physics.piezo.polynomial import PiezoPolynomial
-from physics.protocol import Protocol
-from physics.sensor import Sensor
+from ertskin.physics.effects.piezo_chain import fabric_ohm_sq
+from ertskin.physics.history import History
+from ertskin.physics.mechanics.pressure import InterfacePressure
+from ertskin.physics.mechanics.reaction import foam_force_n
+from ertskin.physics.mechanics.stiffness import sensor_stiffness_n_per_m
+from ertskin.physics.piezo.polynomial import PiezoPolynomial
+from ertskin.physics.protocol import Protocol
+from ertskin.physics.sensor import Sensor
 
 Array = NDArray[np.float64]
 Kind = TypeVar("Kind", bound=Effect)
@@ -145,7 +145,7 @@ class Skin:
     def sheet_conductance_s(self, fabric_ohm_sq: Array, position_m: Array) -> Array:
         """(...,N), or (...,N,3) with anisotropy: conductance in siemens of a fabric of (...,N) ohm per square."""
         plain = 1.0 / fabric_ohm_sq
-        order = sorted(_of(self.effects, SheetEffect), key=lambda e: e.name, reverse=True)
+        order = sorted(_of(self.effects, SheetEffect), key=lambda e: e.order)
         extent = self.sensor.extent_m
         return reduce(lambda s, e: e.conductivity_s(s, position_m, extent), order, plain)
 
@@ -308,7 +308,7 @@ class Skin:
         self, history: History, force_n: Array | None = None, wanted: NDArray[np.intp] | None = None
     ) -> Array:
         """(n,K,M) volt: noise-free readings of the ``wanted`` frames (n,), all by default, with every effect."""
-        skews = _of(self.effects, ScanSkew)
+        skews = _of(self.effects, MotionEffect)
         if skews and self.protocol.injection_offset_s is not None:
             voltage = self._skewed_v(history, skews[0], force_n, wanted)
         else:
@@ -318,7 +318,7 @@ class Skin:
         return voltage
 
     def _skewed_v(
-        self, history: History, skew: ScanSkew, force_n: Array | None, wanted: NDArray[np.intp] | None
+        self, history: History, skew: MotionEffect, force_n: Array | None, wanted: NDArray[np.intp] | None
     ) -> Array:
         """Readings of presses that go on moving: solved at a few moments of a scan, interpolated between."""
         offset = np.asarray(self.protocol.injection_offset_s)

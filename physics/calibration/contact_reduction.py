@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
-from physics.conduction.sheet import SheetModel
-from physics.protocol import pair_resistances
+from ertskin.physics.conduction.sheet import SheetModel
+from ertskin.physics.protocol import pair_resistances
 
 Array = NDArray[np.float64]
 

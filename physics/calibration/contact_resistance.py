@@ -21,10 +21,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from physics.calibration.contact_reduction import ContactReduction
-from physics.calibration.scan_space import ScanSpace
-from physics.conduction.sheet import SheetModel, Solution
-from physics.protocol import Protocol
+from ertskin.physics.calibration.contact_reduction import ContactReduction
+from ertskin.physics.calibration.scan_space import ScanSpace
+from ertskin.physics.conduction.sheet import SheetModel, Solution
+from ertskin.physics.protocol import Protocol
 
 Array = NDArray[np.float64]
 
@@ -78,7 +78,8 @@ class ContactFit:
 
 @dataclass(frozen=True, eq=False)
 class ContactProblem:
-    """What is to be fitted: the model, the protocol and the mean unloaded readings (K,M) in volt.
+    """What is to be fitted: the model, the protocol and the mean unloaded readings (K,M) in volt, nought where
+    none is taken.
 
     ``sheet_resistance_ohm_sq`` and ``guess_ohm`` (for every contact) are start values; the sheet's stays as it is
     unless ``fit_sheet``. ``noise_v`` is the noise of one mean reading where known; ``weight`` (K,M) how much each
@@ -120,7 +121,8 @@ class ContactProblem:
 
     def reading_rms(self, pair_resistance_ohm: Array) -> float:
         """Rms over all readings of measured less simulated, in volt (eq. 5 over the square root of their number)."""
-        return float(np.sqrt(np.mean((self.voltage_v - self.protocol.readings(pair_resistance_ohm)) ** 2)))
+        square = (self.voltage_v - self.protocol.readings(pair_resistance_ohm)) ** 2
+        return float(np.sqrt(square.sum() / self.protocol.count))
 
     def linearised(self, logs: Array) -> tuple[Array, Array]:
         """Pair resistances (P,) of the full model and their derivatives (P,n) by the unknowns' logarithms, in ohm.
@@ -198,7 +200,7 @@ def robust_weights(problem: ContactProblem, fit: ContactFit) -> Array:
         problem.model.uniform(fit.sheet_resistance_ohm_sq), fit.contact_resistance_ohm
     ).pair_resistance_ohm
     residual = problem.voltage_v - problem.protocol.readings(pairs)
-    sigma = max(1.4826 * float(np.median(np.abs(residual))), 1e-300)
+    sigma = max(1.4826 * float(np.median(np.abs(residual[problem.protocol.taken]))), 1e-300)
     return np.asarray(np.clip(1 - (residual / (4.685 * sigma)) ** 2, 0.0, None) ** 2)
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from physics.calibration.robust_line import RobustLine
+from ertskin.physics.calibration.robust_line import RobustLine
 
 Array = NDArray[np.float64]
 

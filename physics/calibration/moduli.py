@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from physics.mechanics.stiffness import sensor_depth_m, sensor_stiffness_n_per_m
-from physics.sensor import Sensor
+from ertskin.physics.mechanics.stiffness import sensor_depth_m, sensor_stiffness_n_per_m
+from ertskin.physics.sensor import Sensor
 
 Array = NDArray[np.float64]
 

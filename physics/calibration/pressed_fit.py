@@ -14,15 +14,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from physics.calibration.contact_resistance import ContactFit
-from physics.calibration.moduli import Groups, ModuliFit, stiffness_gradient, with_moduli
-from physics.calibration.scan_space import ScanSpace
-from physics.calibration.specimen import SpecimenFit
-from physics.conduction.sheet import SheetModel, Solution
-from physics.mechanics.pressure import InterfacePressure
-from physics.piezo.polynomial import PiezoPolynomial
-from physics.protocol import Protocol
-from physics.sensor import Sensor
+from ertskin.physics.calibration.contact_resistance import ContactFit
+from ertskin.physics.calibration.moduli import Groups, ModuliFit, stiffness_gradient, with_moduli
+from ertskin.physics.calibration.scan_space import ScanSpace
+from ertskin.physics.calibration.specimen import SpecimenFit
+from ertskin.physics.conduction.sheet import SheetModel, Solution
+from ertskin.physics.mechanics.pressure import InterfacePressure
+from ertskin.physics.piezo.polynomial import PiezoPolynomial
+from ertskin.physics.protocol import Protocol
+from ertskin.physics.sensor import Sensor
 
 Array = NDArray[np.float64]
 

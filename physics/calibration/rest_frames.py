@@ -7,8 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from physics.calibration.scan_space import ScanSpace
-from physics.protocol import Protocol
+from ertskin.physics.calibration.scan_space import ScanSpace
+from ertskin.physics.protocol import Protocol
+from ertskin.physics.spikes import completed
 
 Array = NDArray[np.float64]
 
@@ -37,9 +38,10 @@ class RestScan:
 def rest_scan(voltage_v: Array, protocol: Protocol) -> RestScan:
     """Robust mean of rest frames (T,K,M) in volt: each reading's samples are winsorised about their median.
 
-    Frames with a reading that is not finite are left out; raises ``ValueError`` if none remains.
+    Readings lost are taken from the others; frames that have lost too much are left out. Raises ``ValueError`` if none
+    remains.
     """
-    voltage = np.asarray(voltage_v, dtype=float)
+    voltage = completed(protocol, np.asarray(voltage_v, dtype=float))
     voltage = voltage[np.isfinite(voltage).all(axis=(1, 2))]
     if not len(voltage):
         raise ValueError("no complete rest frame to calibrate on")
@@ -52,13 +54,13 @@ def rest_scan(voltage_v: Array, protocol: Protocol) -> RestScan:
     unseen = (bent - mean).reshape(len(voltage), -1) - seen @ space.basis.T
     rest = mean.ravel() - space.basis @ space.coordinates(mean)
     enough = np.sqrt(len(voltage) / (len(voltage) - 1)) if len(voltage) > 1 else np.nan
-    share = np.sqrt(mean.size / max(1, mean.size - space.basis.shape[1]))
+    share = np.sqrt(protocol.count / max(1, protocol.count - space.basis.shape[1]))
     return RestScan(
         mean,
         len(voltage),
-        _robust_scale(unseen) * share * enough,
+        _robust_scale(unseen[:, protocol.taken.ravel()]) * share * enough,
         _robust_scale(seen) * enough,
-        float(np.sqrt(np.mean(rest**2))) * share,
+        float(np.sqrt((rest**2).sum() / protocol.count)) * share,
     )
 
 

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import contextlib
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from physics.protocol import Protocol
+from ertskin.physics.protocol import Protocol, gram_factor, inverse_factor
 
 Array = NDArray[np.float64]
-
-_SEEN = 1e-10
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,8 +18,8 @@ class ScanSpace:
 
     ``basis`` (K*M,n): readings in volt are ``basis`` times coordinates, plus what no network could give; ``design``
     (n,P): coordinates in volt of pair resistances in ohm. White reading noise stays white. For a scan that tells all
-    P = L(L-1)/2 pairs, n = P and these are the protocol's own whitened coordinates. With ``weight`` (K,M) readings
-    count by their weights, coordinates are those of the readings times the weights' roots.
+    P = L(L-1)/2 pairs, n = P. Without a weight these are the protocol's own whitened coordinates. With ``weight`` (K,M)
+    readings count by their weights, coordinates are those of the readings times the weights' roots.
     """
 
     basis: Array
@@ -31,15 +28,12 @@ class ScanSpace:
 
     @classmethod
     def of(cls, protocol: Protocol, weight: Array | None = None) -> ScanSpace:
-        """The protocol's coordinates; of a deficient or weighted scan, those of its singular directions seen."""
+        """The protocol's coordinates, or those of its weighted readings."""
         if weight is None:
-            with contextlib.suppress(np.linalg.LinAlgError):
-                return cls(protocol.orthonormal, protocol.cholesky)
-        rows = protocol.design if weight is None else np.sqrt(weight).reshape(-1, 1) * protocol.design
-        value, vector = np.linalg.eigh(rows.T @ rows)
-        seen = value > _SEEN * value[-1]
-        size = np.sqrt(value[seen])
-        return cls(rows @ vector[:, seen] / size, size[:, None] * vector[:, seen].T, weight)
+            return cls(protocol.orthonormal, protocol.factor)
+        rows = np.sqrt(weight).reshape(-1, 1) * protocol.design
+        factor = gram_factor(rows)
+        return cls(rows @ inverse_factor(factor), factor, weight)
 
     def coordinates(self, voltage_v: Array) -> Array:
         """(..., n) of readings (..., K, M) in volt."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from physics.piezo.polynomial import ORDER, PiezoPolynomial
+from ertskin.physics.piezo.polynomial import ORDER, PiezoPolynomial
 
 Array = NDArray[np.float64]
 

@@ -13,7 +13,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from physics.conduction.triangle import Space, quadrature, shape_slopes
+from ertskin.physics.conduction.triangle import Space, quadrature, shape_slopes
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]

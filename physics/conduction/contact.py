@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
-from physics.conduction.mesh import SheetMesh
-from physics.conduction.triangle import Space, edge_mass, triangle_mass
+from ertskin.physics.conduction.mesh import SheetMesh
+from ertskin.physics.conduction.triangle import Space, edge_mass, triangle_mass
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]

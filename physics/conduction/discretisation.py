@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from physics.conduction.sheet import SheetModel
-from physics.protocol import Protocol
+from ertskin.physics.conduction.sheet import SheetModel
+from ertskin.physics.protocol import Protocol
 
 Array = NDArray[np.float64]
 

@@ -14,7 +14,7 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy.sparse import coo_array
 
-from physics.conduction.triangle import SIDES, Space, lattice
+from ertskin.physics.conduction.triangle import SIDES, Space, lattice
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]

@@ -7,7 +7,7 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy.sparse import csc_array
 
-from physics.conduction.triangle import Space, quadrature, shape_slopes
+from ertskin.physics.conduction.triangle import Space, quadrature, shape_slopes
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]

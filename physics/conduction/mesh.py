@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 from scipy.spatial import Delaunay, cKDTree
 
-from physics.sensor import Sensor
+from ertskin.physics.sensor import Sensor
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]

@@ -16,7 +16,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from physics.conduction.dissection import Dissection
+from ertskin.physics.conduction.dissection import Dissection
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]

@@ -9,8 +9,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from physics.conduction.sheet import SheetModel, Solution, transfer_of
-from physics.protocol import pair_resistances
+from ertskin.physics.conduction.sheet import SheetModel, Solution, transfer_of
+from ertskin.physics.protocol import pair_resistances
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -19,7 +19,7 @@ CHUNK_PRESSES = 64  # presses a worker takes at once
 
 
 class UnitPressure(Protocol):
-    """The interface pressure of one indenter, as ``physics.mechanics.pressure.InterfacePressure`` has it."""
+    """The interface pressure of one indenter, as ``ertskin.physics.mechanics.pressure.InterfacePressure`` has it."""
 
     def at(self, offset_m: Array) -> Array:
         """(...,) pascal per newton at offsets (...,2) from the indenter's axis."""
@@ -29,7 +29,7 @@ class UnitPressure(Protocol):
 
 
 class PiezoLaw(Protocol):
-    """Sheet resistance against pressure, as ``physics.piezo.polynomial.PiezoPolynomial`` has it."""
+    """Sheet resistance against pressure, as ``ertskin.physics.piezo.polynomial.PiezoPolynomial`` has it."""
 
     def sheet_resistance_ohm_sq(self, pressure_pa: Array) -> Array:
         """(...,) ohm per square at pressures (...,)."""

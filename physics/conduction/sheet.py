@@ -19,15 +19,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_array, csr_array
 
-from physics.conduction.assembly import ElementMatrices
-from physics.conduction.contact import Contact
-from physics.conduction.dissection import dissect
-from physics.conduction.field_products import field_products, pair_losses
-from physics.conduction.mesh import Grading, SheetMesh, mesh_sheet
-from physics.conduction.multifrontal import FrontalFactor, Fronts
-from physics.conduction.triangle import Space
-from physics.protocol import pair_resistances
-from physics.sensor import Sensor
+from ertskin.physics.conduction.assembly import ElementMatrices
+from ertskin.physics.conduction.contact import Contact
+from ertskin.physics.conduction.dissection import dissect
+from ertskin.physics.conduction.field_products import field_products, pair_losses
+from ertskin.physics.conduction.mesh import Grading, SheetMesh, mesh_sheet
+from ertskin.physics.conduction.multifrontal import FrontalFactor, Fronts
+from ertskin.physics.conduction.triangle import Space
+from ertskin.physics.protocol import pair_resistances
+from ertskin.physics.sensor import Sensor
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]

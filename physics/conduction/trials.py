@@ -22,11 +22,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import BSpline, make_interp_spline
 
-from physics.conduction.mesh import Grading
-from physics.conduction.near_pairs import NearPairs
-from physics.conduction.pressed_sheet import PiezoLaw, PressedSheet, UnitPressure, in_chunks
-from physics.conduction.sheet import Resolution, SheetModel
-from physics.sensor import Sensor
+from ertskin.physics.conduction.mesh import Grading
+from ertskin.physics.conduction.near_pairs import NearPairs
+from ertskin.physics.conduction.pressed_sheet import PiezoLaw, PressedSheet, UnitPressure, in_chunks
+from ertskin.physics.conduction.sheet import Resolution, SheetModel
+from ertskin.physics.sensor import Sensor
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]

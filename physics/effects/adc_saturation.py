@@ -7,8 +7,9 @@ from typing import ClassVar
 
 import numpy as np
 
-from physics.effects.effect import AcquisitionEffect, Array
-from physics.protocol import Protocol
+from ertskin.physics.effects.effect import AcquisitionEffect, Array
+from ertskin.physics.effects.hypothesis import Axis, Hypothesis, Measured, Signal
+from ertskin.physics.protocol import Protocol
 
 
 @dataclass(frozen=True)
@@ -18,6 +19,9 @@ class AdcSaturation(AcquisitionEffect):
     name: ClassVar[str] = "adc_saturation"
     source: ClassVar[str] = "Full scale of a converter or the rail of the amplifier before it"
     order: ClassVar[int] = 2
+    hypothesis: ClassVar[Hypothesis] = Hypothesis(
+        (Axis.ELECTRODE,), (Signal.NONRECIPROCAL,), (), measured=Measured.READING_LIMIT
+    )
 
     limit_v: float = float("inf")
     lowest_v: float = float("-inf")

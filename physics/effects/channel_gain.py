@@ -5,8 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from physics.effects.effect import AcquisitionEffect, Array, parameter
-from physics.protocol import Protocol
+from ertskin.physics.effects.effect import AcquisitionEffect, Array, Start, parameter
+from ertskin.physics.effects.hypothesis import Axis, Hypothesis, Measured, Need, Signal
+from ertskin.physics.protocol import Protocol
+from ertskin.physics.sensor import Sensor
 
 
 @dataclass(frozen=True)
@@ -16,6 +18,9 @@ class ChannelGain(AcquisitionEffect):
     name: ClassVar[str] = "channel_gain"
     source: ClassVar[str] = "Gain and offset error of an amplifier or multiplexer branch"
     order: ClassVar[int] = 0
+    hypothesis: ClassVar[Hypothesis] = Hypothesis(
+        (Axis.ELECTRODE,), (Signal.NONRECIPROCAL,), (Need.MORE_READINGS,), measured=Measured.CHANNEL_ERROR
+    )
 
     channel: int = 0
     gain: float = parameter("1", -0.5, 0.5, 0.0, 0.01, "relative gain error")
@@ -23,5 +28,13 @@ class ChannelGain(AcquisitionEffect):
 
     def distorted_v(self, voltage_v: Array, protocol: Protocol) -> Array:
         voltage = voltage_v.copy()
-        voltage[..., self.channel] = (1 + self.gain) * voltage[..., self.channel] + self.offset_v
+        offset_v = self.offset_v * protocol.taken[:, self.channel]
+        voltage[..., self.channel] = (1 + self.gain) * voltage[..., self.channel] + offset_v
         return voltage
+
+    @classmethod
+    def reading_starts(cls, sensor: Sensor, protocol: Protocol) -> tuple[Start, ...]:
+        both = ("gain", "offset_v")
+        return tuple(
+            Start(cls(channel, **{key: 0.01}), both, (key,)) for channel in range(protocol.shape[1]) for key in both
+        )

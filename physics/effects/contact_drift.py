@@ -7,7 +7,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from physics.effects.effect import Array, ElectrodeEffect
+from ertskin.physics.effects.effect import Array, ElectrodeEffect
+from ertskin.physics.effects.hypothesis import Axis, Hypothesis, Measured, Need, Signal
 
 
 @dataclass(frozen=True)
@@ -20,6 +21,9 @@ class ContactDrift(ElectrodeEffect):
 
     name: ClassVar[str] = "contact_drift"
     source: ClassVar[str] = "Stitched contacts wander by far more than the reading noise within a recording"
+    hypothesis: ClassVar[Hypothesis] = Hypothesis(
+        (Axis.ELECTRODE, Axis.TIME), (Signal.REST,), (Need.REST_FRAMES,), measured=Measured.CONTACT_PATH
+    )
 
     electrode: int = 0
     knot_s: tuple[float, ...] = (0.0,)

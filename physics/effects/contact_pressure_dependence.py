@@ -7,7 +7,10 @@ from typing import ClassVar
 
 import numpy as np
 
-from physics.effects.effect import Array, ElectrodeEffect, parameter
+from ertskin.physics.effects.effect import Array, ElectrodeEffect, Start, parameter
+from ertskin.physics.effects.hypothesis import Axis, Hypothesis, Need, Signal
+from ertskin.physics.protocol import Protocol
+from ertskin.physics.sensor import Sensor
 
 LEAST_OHM = 1e-2
 """What no pressure brings a contact below."""
@@ -26,6 +29,7 @@ class ContactPressureDependence(ElectrodeEffect):
 
     name: ClassVar[str] = "contact_pressure_dependence"
     source: ClassVar[str] = "Holm, Electric Contacts (1967): constriction resistance as a power of the load"
+    hypothesis: ClassVar[Hypothesis] = Hypothesis((Axis.ELECTRODE, Axis.FORCE), (Signal.READINGS,), (Need.PRESSES,))
 
     sensitivity_per_pa: float = parameter("1/Pa", 0.0, 0.1, 0.0, 2e-5, "relative fall per pressure, at first")
     bend: float = parameter("1", 0.0, 10.0, 1.0, 0.2, "one over the power of the load", defining=False)
@@ -36,3 +40,13 @@ class ContactPressureDependence(ElectrodeEffect):
         pressed = np.exp(-load) if self.bend < STRAIGHT else (1 + self.bend * load) ** (-1 / self.bend)
         kept = self.fixed_share + (1 - self.fixed_share) * pressed
         return np.asarray(np.maximum(resistance_ohm * kept, np.minimum(resistance_ohm, LEAST_OHM)))
+
+    @classmethod
+    def reading_starts(cls, sensor: Sensor, protocol: Protocol) -> tuple[Start, ...]:
+        """A contact can't get worse under pressure: each is screened as a whole."""
+        return tuple(Start(cls(sensitivity_per_pa=s), ("sensitivity_per_pa", "bend")) for s in (2e-5, 3e-4, 3e-3))
+
+    def freer(self, free: tuple[str, ...]) -> tuple[Start, ...]:
+        if "fixed_share" in free:
+            return ()
+        return (Start(self.changed({"bend": 1.0, "fixed_share": 0.2}), (*free, "fixed_share")),)

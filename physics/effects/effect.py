@@ -7,7 +7,7 @@ electrode, which form). The subclasses below fix what an effect of each stage do
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from enum import StrEnum
 from typing import Any, ClassVar, Self
@@ -15,8 +15,10 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from physics.protocol import Protocol
-from physics.sensor import Sensor
+from ertskin.physics.effects.hypothesis import Hypothesis, Signal
+from ertskin.physics.history import History
+from ertskin.physics.protocol import Protocol
+from ertskin.physics.sensor import Sensor
 
 Array = NDArray[np.float64]
 
@@ -60,11 +62,15 @@ def parameter(
 
 @dataclass(frozen=True)
 class Effect:
-    """Base of every effect; ``name`` as in the design's table, ``source`` what the form rests on."""
+    """Base of every effect; ``name`` as in the design's table, ``source`` what the form rests on.
+
+    ``hypothesis`` and the methods from ``force_starts`` on are what a diagnosis looks for the effect by.
+    """
 
     name: ClassVar[str]
     stage: ClassVar[Stage]
     source: ClassVar[str]
+    hypothesis: ClassVar[Hypothesis]
 
     def __post_init__(self) -> None:
         for key, known in self.parameters().items():
@@ -88,6 +94,53 @@ class Effect:
     def settings(self) -> dict[str, Any]:
         """Every field as plain Python, for a configuration file."""
         return {f.name: _plain(getattr(self, f.name)) for f in fields(self)}
+
+    @property
+    def place(self) -> tuple[tuple[float, float], float] | None:
+        """Middle and radius in metre of where on the sheet it is, None where that is nowhere in particular."""
+        return None
+
+    @classmethod
+    def force_starts(cls) -> Sequence[Start]:
+        """Where fits of force over depth begin; for each start all but the parameters held are free."""
+        return ()
+
+    @classmethod
+    def specimen_starts(cls) -> Sequence[Start]:
+        """Where fits of the specimen's resistance over stress begin."""
+        return ()
+
+    @classmethod
+    def coupon_starts(cls) -> Sequence[Start]:
+        """Where fits of a foam coupon's compression test begin."""
+        return ()
+
+    @classmethod
+    def reading_starts(cls, sensor: Sensor, protocol: Protocol) -> Sequence[Start]:
+        """Where fits of the readings begin."""
+        return ()
+
+    def freer(self, free: tuple[str, ...]) -> Sequence[Start]:
+        """The effect with more of its form free than the parameters ``free``, or in its other forms, in the order in
+        which they are tried; none where there is no more to free."""
+        return ()
+
+
+def shown_by(effect: Effect | type[Effect], signal: Signal) -> bool:
+    """Whether a signal shows an effect."""
+    return signal in effect.hypothesis.signals
+
+
+@dataclass(frozen=True)
+class Start:
+    """Where a fit begins: an effect, the parameters that are ``free``, and those screened for ``along``, from neutral.
+
+    Without any to go along the whole effect is screened, which may then be a share of what it is here.
+    """
+
+    effect: Effect
+    free: tuple[str, ...]
+    along: tuple[str, ...] = ()
 
 
 def _plain(value: Any) -> Any:
@@ -170,6 +223,7 @@ class SheetEffect(Effect):
     """A conduction effect: the sheet's own conductance."""
 
     stage: ClassVar[Stage] = Stage.CONDUCTION
+    order: ClassVar[int] = 0
 
     def conductivity_s(self, conductivity_s: Array, position_m: Array, extent_m: Array) -> Array:
         """(...,N) or (...,N,3) sheet conductance [xx, xy, yy] from (...,N) or (...,N,3) at points (N,2)."""
@@ -194,6 +248,11 @@ class ElectrodeEffect(Effect):
         """The sensor as it really is."""
         return sensor
 
+    @classmethod
+    def displaces(cls) -> bool:
+        """Whether it moves electrodes: a skin with it needs a mesh of its own."""
+        return cls.geometry is not ElectrodeEffect.geometry
+
 
 @dataclass(frozen=True)
 class AcquisitionEffect(Effect):
@@ -204,4 +263,24 @@ class AcquisitionEffect(Effect):
 
     def distorted_v(self, voltage_v: Array, protocol: Protocol) -> Array:
         """(T,K,M) what the instrument says of readings (T,K,M) in volt."""
+        raise NotImplementedError
+
+
+@dataclass(frozen=True)
+class MotionEffect(Effect):
+    """An effect of the acquisition: contacts move while they are scanned."""
+
+    stage: ClassVar[Stage] = Stage.ACQUISITION
+
+    @property
+    def moves(self) -> bool:
+        """Whether anything moves at all."""
+        raise NotImplementedError
+
+    def depth_m(self, history: History, after_s: Array) -> Array:
+        """(T,S,P) depth in metre at ``after_s`` (S,) into every scan, the first and the last of them its ends."""
+        raise NotImplementedError
+
+    def at_speed(self, speed_m_per_s: float) -> Self:
+        """The same where the stage moves at this speed."""
         raise NotImplementedError

@@ -7,8 +7,10 @@ from typing import ClassVar
 
 import numpy as np
 
-from physics.effects.effect import ElectrodeEffect, parameter
-from physics.sensor import Sensor
+from ertskin.physics.effects.effect import ElectrodeEffect, Start, parameter
+from ertskin.physics.effects.hypothesis import Axis, Hypothesis, Measured, Need, Signal
+from ertskin.physics.protocol import Protocol
+from ertskin.physics.sensor import Sensor
 
 
 @dataclass(frozen=True)
@@ -17,6 +19,9 @@ class ElectrodeDisplacement(ElectrodeEffect):
 
     name: ClassVar[str] = "electrode_displacement"
     source: ClassVar[str] = "Sewing tolerance; shape derivative as in Dardé et al., SIAM J. Imaging Sci. 5 (2012) 649"
+    hypothesis: ClassVar[Hypothesis] = Hypothesis(
+        (Axis.ELECTRODE,), (Signal.READINGS, Signal.REST), (Need.PADS_INSIDE,), measured=Measured.PAD_SHIFT
+    )
 
     electrode: int = 0
     dx_m: float = parameter("m", -0.01, 0.01, 0.0, 2e-4, "shift along x")
@@ -28,3 +33,8 @@ class ElectrodeDisplacement(ElectrodeEffect):
         center = np.array(sensor.electrode_center_m, dtype=float)
         center[self.electrode] += (self.dx_m, self.dy_m)
         return replace(sensor, electrode_center_m=center)
+
+    @classmethod
+    def reading_starts(cls, sensor: Sensor, protocol: Protocol) -> tuple[Start, ...]:
+        both = ("dx_m", "dy_m")
+        return tuple(Start(cls(electrode), both, both) for electrode in range(sensor.electrodes))

@@ -6,7 +6,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from physics.effects.effect import Array
+from ertskin.physics.effects.effect import Array
 
 AIR = 0.01
 """Part of the drive before or after a step that is as good as none."""

@@ -8,7 +8,8 @@ from typing import ClassVar
 import numpy as np
 from numba import njit
 
-from physics.effects.effect import Array, FoamEffect, Strokes, parameter
+from ertskin.physics.effects.effect import Array, FoamEffect, Start, Strokes, parameter
+from ertskin.physics.effects.hypothesis import Axis, Hypothesis, Need, Signal
 
 _CONTACT = 1e-12
 
@@ -24,6 +25,9 @@ class FoamHysteresis(FoamEffect):
     name: ClassVar[str] = "foam_hysteresis"
     source: ClassVar[str] = "Visintin, Differential Models of Hysteresis (1994), ch. III: stop operator"
     order: ClassVar[int] = 2
+    hypothesis: ClassVar[Hypothesis] = Hypothesis(
+        (Axis.HISTORY,), (Signal.FORCE, Signal.COUPON), (Need.FORCES, Need.RELOADING)
+    )
 
     loss: float = parameter("1", 0.0, 0.8, 0.0, 0.03, "half the loop's height over the mean force")
     reversal: float = parameter("1", 0.005, 5.0, 0.1, 0.05, "relative force over which it turns round", defining=False)
@@ -41,6 +45,16 @@ class FoamHysteresis(FoamEffect):
         goes_on[1:] &= strokes.touched[:-1] & (strokes.place[1:] == strokes.place[:-1])
         goes_on[:1] = False
         return force_n * (1 + self.loss * _stop(np.log(np.maximum(drive, _CONTACT)), goes_on, 2 / self.reversal))
+
+    @classmethod
+    def force_starts(cls) -> tuple[Start, ...]:
+        # Where every step turns it right round, nothing tells how fast it turns: no descent comes back from there.
+        every = tuple(cls.parameters())
+        return Start(cls(loss=0.05, reversal=0.1), every), Start(cls(loss=0.01, reversal=0.4), every)
+
+    @classmethod
+    def coupon_starts(cls) -> tuple[Start, ...]:
+        return (Start(cls(loss=0.05, reversal=1.0, driven_by="sinking"), tuple(cls.parameters())),)
 
 
 @njit(cache=True)

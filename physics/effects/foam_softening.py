@@ -8,7 +8,8 @@ from typing import ClassVar
 import numpy as np
 from numba import njit
 
-from physics.effects.effect import Array, FoamEffect, Strokes, parameter
+from ertskin.physics.effects.effect import Array, FoamEffect, Start, Strokes, parameter
+from ertskin.physics.effects.hypothesis import Axis, Hypothesis, Need, Signal
 
 
 @dataclass(frozen=True)
@@ -24,6 +25,12 @@ class FoamSoftening(FoamEffect):
     name: ClassVar[str] = "foam_softening"
     source: ClassVar[str] = "Mullins, Rubber Chem. Technol. 42 (1969) 339; Ogden & Roxburgh, Proc. R. Soc. A 455 (1999)"
     order: ClassVar[int] = 1
+    hypothesis: ClassVar[Hypothesis] = Hypothesis(
+        (Axis.HISTORY, Axis.PLACE),
+        (Signal.FORCE, Signal.COUPON),
+        (Need.FORCES, Need.RELOADING),
+        held=frozenset({"rejoin"}),
+    )
 
     excess: float = parameter("1", 0.0, 3.0, 0.0, 0.05, "how much stiffer the virgin foam is")
     kept: float = parameter(
@@ -46,6 +53,16 @@ class FoamSoftening(FoamEffect):
             self.rejoin,
         )
         return np.asarray(force_n * factor)
+
+    @classmethod
+    def force_starts(cls) -> tuple[Start, ...]:
+        free = ("excess", "kept", "presses")
+        return tuple(Start(cls(excess=0.1, kept=kept, presses=0.5), free) for kept in (0.5, 1.0))
+
+    @classmethod
+    def coupon_starts(cls) -> tuple[Start, ...]:
+        """How fast it fades stays as it was found on other specimens: experiments/real/foam."""
+        return (Start(cls(excess=0.3, kept=0.0, presses=0.05, rejoin=0.5), ("excess", "rejoin")),)
 
 
 @njit(cache=True)

@@ -7,7 +7,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from physics.effects.effect import Array, FoamEffect, Strokes, parameter
+from ertskin.physics.effects.effect import Array, FoamEffect, Start, Strokes, parameter
+from ertskin.physics.effects.hypothesis import Axis, Hypothesis, Need, Signal
 
 NEWTON_STEPS = 8
 """From the whole force downwards on a convex curve: more than rounding needs."""
@@ -26,6 +27,9 @@ class NonlinearFoam(FoamEffect):
         "Leading even term of the Ogden-Hill hyperfoam in compression; neoprene halves its thickness near 150 kPa"
     )
     order: ClassVar[int] = 0
+    hypothesis: ClassVar[Hypothesis] = Hypothesis(
+        (Axis.FORCE,), (Signal.FORCE,), (Need.FORCES,), also_in_readings=("carried",)
+    )
 
     stiffening: float = parameter("1", -0.9, 20.0, 0.0, 0.1, "relative stiffening at a sinking of one foam thickness")
     exponent: float = parameter("1", 0.5, 6.0, 2.0, 0.2, "power of the sinking", defining=False)
@@ -44,3 +48,7 @@ class NonlinearFoam(FoamEffect):
             wrong = linear * (1 + added) - np.nan_to_num(force_n)
             linear = np.maximum(linear - wrong / np.maximum(1 + (1 + self.exponent) * added, 0.1), 0.0)
         return force_n - self.carried * (force_n - linear)
+
+    @classmethod
+    def force_starts(cls) -> tuple[Start, ...]:
+        return (Start(cls(stiffening=0.2), tuple(cls.parameters())),)

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from physics.effects.effect import Array, Effect, PiezoEffect
-from physics.piezo.polynomial import PiezoPolynomial
+from ertskin.physics.effects.effect import Array, Effect, PiezoEffect
+from ertskin.physics.piezo.polynomial import PiezoPolynomial
 
 
 def felt(

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from physics.effects.effect import Array, PiezoEffect, parameter
-from physics.effects.exponential_memory import lagging, moves_within_s
+from ertskin.physics.effects.effect import Array, PiezoEffect, Start, parameter
+from ertskin.physics.effects.exponential_memory import lagging, moves_within_s
+from ertskin.physics.effects.hypothesis import Axis, Hypothesis, Need, Signal
+from ertskin.physics.protocol import Protocol
+from ertskin.physics.sensor import Sensor
 
 STEPS = np.linspace(0.0, 1.0, 6)
 AGREED_PA = 1e4
@@ -43,6 +46,9 @@ class PiezoCreep(PiezoEffect):
         "gaps as in Greenwood & Williamson, Proc. R. Soc. A 295 (1966) 300"
     )
     order: ClassVar[int] = 3
+    hypothesis: ClassVar[Hypothesis] = Hypothesis(
+        (Axis.HISTORY, Axis.TIME), (Signal.READINGS, Signal.SPECIMEN), (Need.PRESSES,)
+    )
 
     fraction: float = parameter("1", 0.0, 2.0, 0.0, 0.02, "share of the pressure that is felt in addition")
     time_s: float = parameter("s", 0.05, 5000.0, 5.0, 1.0, "time constant", defining=False)
@@ -107,3 +113,42 @@ class PiezoCreep(PiezoEffect):
         cleared = None if self.remembers_air else ~loaded
         constants_s = self.time_s * 10 ** (self.decades * (STEPS if self.decades > 0 else STEPS[:1]))
         return lagging(drive, time_s, constants_s, cleared, moves_s=moves_within_s(time_s))
+
+    @classmethod
+    def specimen_starts(cls) -> tuple[Start, ...]:
+        ladder, power = ("fraction", "time_s", "decades"), ("fraction", "time_s", "decades", "exponent")
+        return (
+            Start(cls(fraction=0.05, time_s=2.0), ("fraction", "time_s")),
+            Start(cls(fraction=0.05, time_s=30.0), ("fraction", "time_s")),
+            Start(cls(fraction=0.05, time_s=0.3, decades=4.0, exponent=0.8, remembers_air=True), power),
+            Start(cls(fraction=0.2, time_s=0.05, decades=3.5, exponent=0.5, remembers_air=True), power),
+            Start(
+                cls(fraction=0.1, time_s=0.3, decades=3.0, remembers_air=True, multiplies=True), (*ladder, "half_pa")
+            ),
+        )
+
+    @classmethod
+    def reading_starts(cls, sensor: Sensor, protocol: Protocol) -> tuple[Start, ...]:
+        single, ladder = ("fraction", "time_s"), ("fraction", "time_s", "decades")
+        spread = cls(time_s=0.3, decades=4.0, remembers_air=True)
+        return (
+            *(Start(cls(time_s=time_s), single, ("fraction",)) for time_s in (1.0, 5.0, 30.0)),
+            *(Start(cls(time_s=time_s, remembers_air=True), single, ("fraction",)) for time_s in (30.0, 300.0)),
+            Start(spread, ladder, ("fraction",)),
+            Start(replace(spread, multiplies=True), ladder, ("fraction",)),
+        )
+
+    def freer(self, free: tuple[str, ...]) -> tuple[Start, ...]:
+        """How it depends on pressure, in either form; then, where it multiplies, how uneven the gaps are."""
+        if not {"exponent", "half_pa"} & set(free):
+            spread = self
+            if self.decades == 0:
+                spread = replace(self, time_s=max(0.1 * self.time_s, 0.1), decades=3.0, remembers_air=True)
+            ladder = ("fraction", "time_s", "decades")
+            return (
+                Start(replace(spread, exponent=0.8, multiplies=False), (*ladder, "exponent")),
+                Start(replace(spread, multiplies=True), (*ladder, "half_pa")),
+            )
+        if "half_pa" in free and "power" not in free:
+            return (Start(self.changed({"unevenness": 0.3}), (*free, "unevenness", "power")),)
+        return ()

@@ -8,7 +8,10 @@ from typing import ClassVar
 import numpy as np
 from numba import njit
 
-from physics.effects.effect import Array, PiezoEffect, parameter
+from ertskin.physics.effects.effect import Array, PiezoEffect, Start, parameter
+from ertskin.physics.effects.hypothesis import Axis, Hypothesis, Need, Signal
+from ertskin.physics.protocol import Protocol
+from ertskin.physics.sensor import Sensor
 
 EIGHTHS = np.array([-1.150, -0.319, 0.319, 1.150])
 """Where a standard normal distribution has 1, 3, 5 and 7 eighths below."""
@@ -25,6 +28,9 @@ class PiezoHysteresis(PiezoEffect):
     name: ClassVar[str] = "piezo_hysteresis"
     source: ClassVar[str] = "Krasnosel'skii & Pokrovskii, Systems with Hysteresis (1989), ch. 1: generalised play"
     order: ClassVar[int] = 2
+    hypothesis: ClassVar[Hypothesis] = Hypothesis(
+        (Axis.HISTORY, Axis.FORCE), (Signal.READINGS, Signal.SPECIMEN), (Need.PRESSES,)
+    )
 
     width: float = parameter("1", 0.0, 0.6, 0.0, 0.03, "half the loop's width over the pressure")
     spread: float = parameter("1", 0.0, 1.5, 0.0, 0.2, "standard deviation of the lags' logarithm", defining=False)
@@ -35,6 +41,17 @@ class PiezoHysteresis(PiezoEffect):
         shares = np.exp(self.spread * EIGHTHS)
         parts = np.tanh(np.arctanh(self.width) * shares / shares.mean())
         return sum((_play(pressure_pa, w) for w in parts), np.zeros_like(pressure_pa)) / len(parts)
+
+    @classmethod
+    def specimen_starts(cls) -> tuple[Start, ...]:
+        return (Start(cls(width=0.05), ("width",)),)
+
+    @classmethod
+    def reading_starts(cls, sensor: Sensor, protocol: Protocol) -> tuple[Start, ...]:
+        return (Start(cls(), ("width",), ("width",)),)
+
+    def freer(self, free: tuple[str, ...]) -> tuple[Start, ...]:
+        return (Start(self.changed({"spread": 0.3}), ("width", "spread")),) if free == ("width",) else ()
 
 
 @njit(cache=True, nogil=True)

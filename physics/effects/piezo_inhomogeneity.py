@@ -7,8 +7,11 @@ from typing import ClassVar
 
 import numpy as np
 
-from physics.effects.effect import Array, PiezoEffect, parameter
-from physics.effects.smooth_field import Nodes, field_at
+from ertskin.physics.effects.effect import Array, PiezoEffect, Start, parameter
+from ertskin.physics.effects.hypothesis import Axis, Hypothesis, Need, Signal
+from ertskin.physics.effects.smooth_field import Nodes, field_at, spots_over
+from ertskin.physics.protocol import Protocol
+from ertskin.physics.sensor import Sensor
 
 
 @dataclass(frozen=True)
@@ -21,6 +24,9 @@ class PiezoInhomogeneity(PiezoEffect):
     name: ClassVar[str] = "piezo_inhomogeneity"
     source: ClassVar[str] = "Paper III-D: the left-top area of the real sensor is more sensitive, from fabrication"
     order: ClassVar[int] = 0
+    hypothesis: ClassVar[Hypothesis] = Hypothesis(
+        (Axis.PLACE, Axis.FORCE), (Signal.READINGS,), (Need.PRESSES,), field=True
+    )
 
     amplitude: float = parameter("1", -2.0, 2.0, 0.0, 0.1, "logarithm of the sensitivity at the spot's middle")
     x_m: float = parameter("m", -1.0, 1.0, 0.0, 5e-3, "spot's middle", defining=False)
@@ -43,3 +49,15 @@ class PiezoInhomogeneity(PiezoEffect):
 
     def effective_pressure_pa(self, pressure_pa: Array, position_m: Array, time_s: Array, extent_m: Array) -> Array:
         return pressure_pa * np.exp(self.log_sensitivity(position_m, extent_m))
+
+    @property
+    def place(self) -> tuple[tuple[float, float], float] | None:
+        return ((self.x_m, self.y_m), self.radius_m) if self.amplitude != 0 else None
+
+    @classmethod
+    def reading_starts(cls, sensor: Sensor, protocol: Protocol) -> tuple[Start, ...]:
+        """A slope over the sheet, and spots all over it."""
+        slope = ("gradient_x", "gradient_y")
+        spots = (cls(x_m=x_m, y_m=y_m, radius_m=radius_m) for x_m, y_m, radius_m in spots_over(sensor.extent_m))
+        free = ("amplitude", "x_m", "y_m", "radius_m")
+        return Start(cls(), slope, slope), *(Start(spot, free, ("amplitude",)) for spot in spots)

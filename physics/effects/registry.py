@@ -8,21 +8,32 @@ from collections.abc import Mapping, Sequence
 from functools import cache
 from typing import Any
 
-import physics.effects
-from physics.effects.effect import Effect, Stage
+from ertskin.physics import effects
+from ertskin.physics.effects.effect import Effect, Stage, shown_by
+from ertskin.physics.effects.hypothesis import Measured, Signal
 
 
 @cache
 def effect_classes() -> dict[str, type[Effect]]:
     """Every effect by its name, in the order of the stages and then of the alphabet."""
     found: dict[str, type[Effect]] = {}
-    for module in pkgutil.iter_modules(physics.effects.__path__):
-        loaded = importlib.import_module(f"{physics.effects.__name__}.{module.name}")
+    for module in pkgutil.iter_modules(effects.__path__):
+        loaded = importlib.import_module(f"{effects.__name__}.{module.name}")
         for value in vars(loaded).values():
             if isinstance(value, type) and issubclass(value, Effect) and "name" in vars(value):
                 found[value.name] = value
     stages = list(Stage)
     return dict(sorted(found.items(), key=lambda item: (stages.index(item[1].stage), item[0])))
+
+
+def effects_shown_by(signal: Signal) -> list[type[Effect]]:
+    """The effects that a signal shows."""
+    return [kind for kind in effect_classes().values() if shown_by(kind, signal)]
+
+
+def measured_as(quantity: Measured) -> type[Effect]:
+    """The effect that a quantity measured directly is, raises ``KeyError`` where there is none."""
+    return {kind.hypothesis.measured: kind for kind in effect_classes().values()}[quantity]
 
 
 def build_effects(config: Mapping[str, Any]) -> tuple[Effect, ...]:

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
 
-from physics.effects.effect import Array, Effect, Stage, parameter
-from physics.history import History, Phase
+from ertskin.physics.effects.effect import Array, MotionEffect, Start, parameter
+from ertskin.physics.effects.hypothesis import Axis, Hypothesis, Need, Signal
+from ertskin.physics.history import History, Phase
+from ertskin.physics.protocol import Protocol
+from ertskin.physics.sensor import Sensor
 
 
 @dataclass(frozen=True)
-class ScanSkew(Effect):
+class ScanSkew(MotionEffect):
     """While loading or unloading the stage moves at ``speed_m_per_s``, at the commanded depth ``at_s`` into the scan.
 
     At 0 it goes on from the command, at the scan's end it arrives there, between the scan sees it come and go. It never
@@ -21,8 +24,12 @@ class ScanSkew(Effect):
     """
 
     name: ClassVar[str] = "scan_skew"
-    stage: ClassVar[Stage] = Stage.ACQUISITION
     source: ClassVar[str] = "A multiplexed scan takes longer than the press stands still; clock skew in tomography"
+    hypothesis: ClassVar[Hypothesis] = Hypothesis(
+        (Axis.SCAN_ORDER, Axis.HISTORY),
+        (Signal.NONRECIPROCAL, Signal.READINGS),
+        (Need.PRESSES, Need.MORE_READINGS, Need.TIMED_INJECTIONS),
+    )
 
     speed_m_per_s: float = parameter("m/s", 0.0, 0.02, 0.0, 1e-4, "how fast the stage moves during the scan")
     at_s: float = parameter("s", -5.0, 5.0, 0.0, 0.05, "moment of the scan at the commanded depth", defining=False)
@@ -41,6 +48,29 @@ class ScanSkew(Effect):
         way_m = direction[:, None, None] * self.speed_m_per_s * (eased_s - self.at_s)[:, None]
         moved = np.maximum(history.depth_m[:, None, :] + way_m, 0.0)
         return moved if self.overshoots else np.minimum(moved, deepest_m(history)[:, None, :])
+
+    @classmethod
+    def reading_starts(cls, sensor: Sensor, protocol: Protocol) -> tuple[Start, ...]:
+        """At the commanded depth when the scan begins, halfway through it, and when it ends."""
+        if protocol.injection_offset_s is None:
+            return ()
+        last_s = float(np.max(np.asarray(protocol.injection_offset_s)))
+        speed = cls.parameters()["speed_m_per_s"].typical
+        free = ("speed_m_per_s", "at_s")
+        return tuple(Start(cls(speed, at_s), free, ("speed_m_per_s",)) for at_s in (0.0, 0.5 * last_s, last_s))
+
+    def freer(self, free: tuple[str, ...]) -> tuple[Start, ...]:
+        if "ease" in free:
+            return ()
+        eased = replace(self, ease=0.5)
+        return tuple(Start(form, (*free, "ease")) for form in (eased, replace(eased, overshoots=True)))
+
+    @property
+    def moves(self) -> bool:
+        return self.speed_m_per_s > 0
+
+    def at_speed(self, speed_m_per_s: float) -> ScanSkew:
+        return replace(self, speed_m_per_s=min(speed_m_per_s, self.parameters()["speed_m_per_s"].high))
 
 
 def deepest_m(history: History) -> Array:

@@ -7,7 +7,10 @@ from typing import ClassVar
 
 import numpy as np
 
-from physics.effects.effect import Array, SheetEffect, parameter
+from ertskin.physics.effects.effect import Array, SheetEffect, Start, parameter
+from ertskin.physics.effects.hypothesis import Axis, Hypothesis, Signal
+from ertskin.physics.protocol import Protocol
+from ertskin.physics.sensor import Sensor
 
 
 @dataclass(frozen=True)
@@ -21,6 +24,8 @@ class SheetAnisotropy(SheetEffect):
 
     name: ClassVar[str] = "sheet_anisotropy"
     source: ClassVar[str] = "Knitted conductive fabrics: ratios of 1.1 to 7 between course and wale"
+    order: ClassVar[int] = 1
+    hypothesis: ClassVar[Hypothesis] = Hypothesis((Axis.PLACE,), (Signal.READINGS,), ())
 
     stretch_x: float = parameter("1", -2.5, 2.5, 0.0, 0.05, "logarithm of the conductance along x over that along y")
     stretch_diagonal: float = parameter("1", -2.5, 2.5, 0.0, 0.05, "the same for the two diagonals")
@@ -46,3 +51,8 @@ class SheetAnisotropy(SheetEffect):
         if conductivity_s.shape[-1] == 3 and conductivity_s.shape[-2] == len(position_m):
             raise ValueError("sheet_anisotropy comes once, before any other tensor")
         return conductivity_s[..., None] * self.tensor()
+
+    @classmethod
+    def reading_starts(cls, sensor: Sensor, protocol: Protocol) -> tuple[Start, ...]:
+        both = ("stretch_x", "stretch_diagonal")
+        return (Start(cls(), both, both),)

@@ -7,8 +7,11 @@ from typing import ClassVar
 
 import numpy as np
 
-from physics.effects.effect import Array, SheetEffect, parameter
-from physics.effects.smooth_field import Nodes, field_at
+from ertskin.physics.effects.effect import Array, SheetEffect, Start, parameter
+from ertskin.physics.effects.hypothesis import Axis, Hypothesis, Signal
+from ertskin.physics.effects.smooth_field import Nodes, field_at, spots_over
+from ertskin.physics.protocol import Protocol
+from ertskin.physics.sensor import Sensor
 
 
 @dataclass(frozen=True)
@@ -17,6 +20,7 @@ class SheetInhomogeneity(SheetEffect):
 
     name: ClassVar[str] = "sheet_inhomogeneity"
     source: ClassVar[str] = "Coating thickness of conductive fabric; log-normal so that it stays positive"
+    hypothesis: ClassVar[Hypothesis] = Hypothesis((Axis.PLACE,), (Signal.READINGS,), (), field=True)
 
     amplitude: float = parameter("1", -2.0, 2.0, 0.0, 0.05, "logarithm of the resistance at the spot's middle")
     x_m: float = parameter("m", -1.0, 1.0, 0.0, 5e-3, "spot's middle", defining=False)
@@ -39,3 +43,15 @@ class SheetInhomogeneity(SheetEffect):
         factor = np.exp(-self.log_resistance(position_m, extent_m))
         tensor = conductivity_s.shape[-1] == 3 and conductivity_s.shape[-2] == len(position_m)
         return conductivity_s * (factor[:, None] if tensor else factor)
+
+    @property
+    def place(self) -> tuple[tuple[float, float], float] | None:
+        return ((self.x_m, self.y_m), self.radius_m) if self.amplitude != 0 else None
+
+    @classmethod
+    def reading_starts(cls, sensor: Sensor, protocol: Protocol) -> tuple[Start, ...]:
+        """A slope over the sheet, and spots all over it."""
+        slope = ("gradient_x", "gradient_y")
+        spots = (cls(x_m=x_m, y_m=y_m, radius_m=radius_m) for x_m, y_m, radius_m in spots_over(sensor.extent_m))
+        free = ("amplitude", "x_m", "y_m", "radius_m")
+        return Start(cls(), slope, slope), *(Start(spot, free, ("amplitude",)) for spot in spots)

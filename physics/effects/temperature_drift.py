@@ -7,7 +7,10 @@ from typing import ClassVar
 
 import numpy as np
 
-from physics.effects.effect import Array, SheetEffect, parameter
+from ertskin.physics.effects.effect import Array, SheetEffect, Start, parameter
+from ertskin.physics.effects.hypothesis import Axis, Hypothesis, Need, Signal
+from ertskin.physics.protocol import Protocol
+from ertskin.physics.sensor import Sensor
 
 
 @dataclass(frozen=True)
@@ -19,6 +22,9 @@ class TemperatureDrift(SheetEffect):
 
     name: ClassVar[str] = "temperature_drift"
     source: ClassVar[str] = "PPy-coated fabric changes by about -0.6 %/K; a room by kelvins an hour"
+    hypothesis: ClassVar[Hypothesis] = Hypothesis(
+        (Axis.TIME,), (Signal.READINGS, Signal.REST), (Need.REST_FRAMES,), must_show_at_rest=True
+    )
 
     rate_per_h: float = parameter("1/h", -5.0, 5.0, 0.0, 0.02, "relative change of resistance per hour at the start")
     bend_per_h2: float = parameter("1/h^2", -50.0, 50.0, 0.0, 0.1, "how the rate changes")
@@ -28,3 +34,10 @@ class TemperatureDrift(SheetEffect):
         hours = time_s / 3600.0
         settled = -self.settle_h * np.expm1(-hours / self.settle_h)
         return np.asarray(np.exp(self.rate_per_h * settled + self.bend_per_h2 * hours**2))
+
+    @classmethod
+    def reading_starts(cls, sensor: Sensor, protocol: Protocol) -> tuple[Start, ...]:
+        """A drift that bends, and rooms that settle quickly or slowly."""
+        bent = ("rate_per_h", "bend_per_h2")
+        settling = (cls(settle_h=settle_h) for settle_h in (0.03, 0.3))
+        return Start(cls(), bent, bent), *(Start(s, ("rate_per_h", "settle_h"), ("rate_per_h",)) for s in settling)

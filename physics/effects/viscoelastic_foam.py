@@ -7,8 +7,9 @@ from typing import ClassVar
 
 import numpy as np
 
-from physics.effects.effect import Array, FoamEffect, Strokes, parameter
-from physics.effects.exponential_memory import relaxing
+from ertskin.physics.effects.effect import Array, FoamEffect, Start, Strokes, parameter
+from ertskin.physics.effects.exponential_memory import relaxing
+from ertskin.physics.effects.hypothesis import Axis, Hypothesis, Need, Signal
 
 
 @dataclass(frozen=True)
@@ -23,6 +24,12 @@ class ViscoelasticFoam(FoamEffect):
         "Simo, Comput. Methods Appl. Mech. Eng. 60 (1987) 153: quasi-linear relaxation, Prony series"
     )
     order: ClassVar[int] = 3
+    hypothesis: ClassVar[Hypothesis] = Hypothesis(
+        (Axis.HISTORY, Axis.TIME),
+        (Signal.FORCE, Signal.COUPON),
+        (Need.FORCES,),
+        held=frozenset({"slow_fraction", "slow_time_s"}),
+    )
 
     fraction: float = parameter("1", 0.0, 5.0, 0.0, 0.05, "relaxing force over the relaxed force")
     time_s: float = parameter("s", 0.05, 2000.0, 5.0, 1.0, "relaxation time", defining=False)
@@ -39,3 +46,14 @@ class ViscoelasticFoam(FoamEffect):
             if fraction > 0:
                 force += fraction * relaxing(force_n, strokes.time_s, time_s, air)
         return np.maximum(force, 0.0)
+
+    @classmethod
+    def force_starts(cls) -> tuple[Start, ...]:
+        return tuple(Start(cls(fraction=0.1, time_s=time_s), ("fraction", "time_s")) for time_s in (2.0, 20.0))
+
+    @classmethod
+    def coupon_starts(cls) -> tuple[Start, ...]:
+        """One time constant, and two: a coupon's test is long enough for both."""
+        one = cls(fraction=0.2, time_s=10.0, remembers_air=True)
+        two = cls(fraction=0.2, time_s=10.0, slow_fraction=0.15, slow_time_s=1.0, remembers_air=True)
+        return Start(one, ("fraction", "time_s")), Start(two, tuple(cls.parameters()))

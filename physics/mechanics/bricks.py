@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.linalg import solve_banded
 
-from physics.mechanics.brick_element import CORNERS, brick_stiffness
-from physics.sensor import Layer, Sensor
+from ertskin.physics.mechanics.brick_element import CORNERS, brick_stiffness
+from ertskin.physics.sensor import Layer, Sensor
 
 Array = NDArray[np.float64]
 

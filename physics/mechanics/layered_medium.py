@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ellipe, j0, j1
 
-from physics.sensor import Layer
+from ertskin.physics.sensor import Layer
 
 Array = NDArray[np.float64]
 

@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import make_lsq_spline
 
-from physics.mechanics.bricks import quarter_pad
-from physics.mechanics.layered_medium import LayeredMedium
-from physics.mechanics.radial_kernel import RadialKernel
-from physics.sensor import Sensor, four_points_m
+from ertskin.physics.mechanics.bricks import quarter_pad
+from ertskin.physics.mechanics.layered_medium import LayeredMedium
+from ertskin.physics.mechanics.radial_kernel import RadialKernel
+from ertskin.physics.sensor import Sensor, four_points_m
 
 Array = NDArray[np.float64]
 
@@ -31,7 +31,7 @@ class InterfacePressure:
 
     ``kernel`` is the field of one point force, ``points_m`` (n,2) the indenter's point forces, each an n-th of the
     force. The pad is taken to reach far beyond every contact, so that the field moves with the indenter unchanged;
-    ``physics.mechanics.bricks`` tells what that costs near an edge.
+    ``ertskin.physics.mechanics.bricks`` tells what that costs near an edge.
     """
 
     kernel: RadialKernel

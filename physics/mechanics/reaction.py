@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from physics.effects.effect import FoamEffect, Strokes
-from physics.history import History, Phase
+from ertskin.physics.effects.effect import FoamEffect, Strokes
+from ertskin.physics.history import History, Phase
 
 Array = NDArray[np.float64]
 

@@ -8,8 +8,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from physics.mechanics.pressure import InterfacePressure
-from physics.sensor import Sensor
+from ertskin.physics.mechanics.pressure import InterfacePressure
+from ertskin.physics.sensor import Sensor
 
 _LINES = 81
 

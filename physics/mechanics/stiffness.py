@@ -11,9 +11,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from physics.mechanics.layered_medium import LayeredMedium
-from physics.mechanics.pressure import indenter_points_m
-from physics.sensor import Sensor
+from ertskin.physics.mechanics.layered_medium import LayeredMedium
+from ertskin.physics.mechanics.pressure import indenter_points_m
+from ertskin.physics.sensor import Sensor
 
 Array = NDArray[np.float64]
 

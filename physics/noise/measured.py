@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from physics.protocol import Protocol
-from physics.spikes import despiked, robust_std
+from ertskin.physics.protocol import Protocol
+from ertskin.physics.spikes import despiked, robust_std
 
 Array = NDArray[np.float64]
 
@@ -37,12 +37,13 @@ class MeasuredNoise:
         """
         if len(rest_v) < 3:
             raise ValueError(f"measured noise needs at least three rest frames, the recording has {len(rest_v)}")
-        coordinates, spikes = despiked(protocol, rest_v)
+        coordinates, left_out = despiked(protocol, rest_v)
         leftover = rest_v.reshape(len(rest_v), -1) - coordinates @ protocol.orthonormal.T
-        flagged = spikes.reshape(len(rest_v), -1)
-        std_v = _white_std(protocol, leftover, flagged)
-        amplitude = leftover[flagged]
-        return cls(protocol, std_v, _drift(coordinates, std_v, margin), float(flagged.mean()), amplitude)
+        there = np.isfinite(leftover) & protocol.taken.ravel()
+        flagged = left_out.reshape(len(rest_v), -1) & there
+        std_v = _white_std(protocol, leftover[there & ~flagged], np.diff(coordinates, axis=0))
+        rate = float(flagged.sum() / max(there.sum(), 1))
+        return cls(protocol, std_v, _drift(coordinates, std_v, margin), rate, leftover[flagged])
 
     def coordinates(self, rng: np.random.Generator, trials: int) -> Array:
         """(trials, P) volt: white noise and drift; spikes are what the reduction takes out."""
@@ -50,13 +51,13 @@ class MeasuredNoise:
         return white + rng.standard_normal((trials, len(self.drift_v))) @ self.drift_v
 
     def readings(self, rng: np.random.Generator, trials: int) -> Array:
-        """(trials, K*M) volt: white noise, drift and spikes."""
+        """(trials, K*M) volt: white noise, drift and spikes, nought where no reading is taken."""
         size = (trials, self.protocol.orthonormal.shape[0])
         drift = rng.standard_normal((trials, len(self.drift_v))) @ self.drift_v
         noise = self.std_v * rng.standard_normal(size) + drift @ self.protocol.orthonormal.T
         if len(self.spike_v):
             noise += np.where(rng.random(size) < self.spike_rate, rng.choice(self.spike_v, size), 0.0)
-        return noise
+        return np.where(self.protocol.taken.ravel(), noise, 0.0)
 
     @property
     def covariance_v2(self) -> Array:
@@ -64,11 +65,15 @@ class MeasuredNoise:
         return self.std_v**2 * np.eye(self.drift_v.shape[1]) + self.drift_v.T @ self.drift_v
 
 
-def _white_std(protocol: Protocol, leftover: Array, flagged: NDArray[np.bool_]) -> float:
-    """Noise of a reading from what no resistor network explains, corrected for the P numbers fitted per frame."""
-    readings, pairs = protocol.orthonormal.shape
-    core = float(robust_std(leftover[~flagged]))
-    return core * float(np.sqrt(readings / (readings - pairs)))
+def _white_std(protocol: Protocol, leftover: Array, change: Array) -> float:
+    """Noise of a reading from what no resistor network explains, corrected for the n numbers fitted per frame.
+
+    Where no reading is taken twice, any is explained: then from the scan's own ``change`` from frame to frame.
+    """
+    spare = protocol.count - protocol.orthonormal.shape[1]
+    if spare == 0:
+        return float(robust_std(change)) / float(np.sqrt(2.0))
+    return float(robust_std(leftover)) * float(np.sqrt(protocol.count / spare))
 
 
 def _drift(coordinates: Array, std_v: float, margin: float) -> Array:

@@ -11,7 +11,7 @@ Array = NDArray[np.float64]
 
 
 class Noise(Interface):
-    """Noise of a voltage change, in the P whitened coordinates or in the raw readings (``physics.protocol``)."""
+    """Noise of a voltage change, in the P whitened coordinates or in the raw readings (``physics/protocol.py``)."""
 
     def coordinates(self, rng: np.random.Generator, trials: int) -> Array:
         """(trials, P) volt to add to whitened coordinates, spikes already removed as the reader would."""

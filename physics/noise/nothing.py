@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from physics.protocol import Protocol
+from ertskin.physics.protocol import Protocol
 
 Array = NDArray[np.float64]
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from physics.protocol import Protocol
+from ertskin.physics.protocol import Protocol
 
 Array = NDArray[np.float64]
 
@@ -25,7 +25,8 @@ class WhiteNoise:
 
     def readings(self, rng: np.random.Generator, trials: int) -> Array:
         """(trials, K*M) volt."""
-        return self.std_v * rng.standard_normal((trials, self.protocol.orthonormal.shape[0]))
+        noise = self.std_v * rng.standard_normal((trials, self.protocol.orthonormal.shape[0]))
+        return np.where(self.protocol.taken.ravel(), noise, 0.0)
 
     @property
     def covariance_v2(self) -> Array:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from physics.protocol import Protocol, electrode_pairs, pair_resistances, transfer_matrix
+from ertskin.physics.protocol import Protocol, electrode_pairs, pair_resistances, transfer_matrix
 
 ELECTRODES = 24
 
@@ -52,3 +52,39 @@ def test_white_noise_stays_white_and_the_rest_is_what_no_network_gives(transfer)
     assert protocol.whitened(resistance) == pytest.approx(clean.ravel() @ protocol.orthonormal, abs=1e-12)
     assert protocol.orthonormal.T @ protocol.orthonormal == pytest.approx(np.eye(276), abs=1e-10)
     assert protocol.unwhitened(protocol.whitened(resistance)) == pytest.approx(resistance, rel=1e-9)
+
+
+def undriven(electrodes):
+    """The adjacent scheme without the readings at driven electrodes."""
+    number = np.arange(electrodes)
+    reads = np.stack([number, (number + 1) % electrodes], axis=1)
+    measured = ~(reads[None, :, :, None] == reads[:, None, None, :]).any(axis=(2, 3))
+    current = 1e-3 * (np.eye(electrodes) - np.eye(electrodes)[reads[:, 1]])
+    return Protocol.differences(current, reads, measured=measured)
+
+
+def test_a_scan_without_its_driven_electrodes_tells_what_its_readings_tell():
+    protocol = undriven(16)
+    assert protocol.count == 208
+    # Of 120 pair resistances 16 combinations are told by no reading: one an electrode, where its contact's share lies.
+    assert protocol.factor.shape == (104, 120)
+    rng = np.random.default_rng(2)
+    pairs = 10 + rng.random(120)
+    readings = protocol.readings(pairs)
+    assert (readings[~protocol.taken] == 0).all()
+    gapped = protocol.gapped(readings)
+    assert np.isnan(gapped).sum() == 48
+    found = protocol.reciprocal(gapped)
+    assert protocol.readings(found) == pytest.approx(readings, abs=1e-12)
+    assert np.linalg.norm(found) < np.linalg.norm(pairs)
+    coordinates = protocol.whitened(pairs)
+    assert protocol.whitened(protocol.unwhitened(coordinates)) == pytest.approx(coordinates, abs=1e-12)
+    assert protocol.orthonormal.T @ protocol.orthonormal == pytest.approx(np.eye(104), abs=1e-10)
+    assert not protocol.orthonormal[~protocol.taken.ravel()].any()
+
+
+def test_a_contact_shows_in_no_reading_of_undriven_electrodes():
+    """A resistor in series with an electrode: r_ij = z_i + z_j changes nothing that this scan reads."""
+    i, j = np.triu_indices(16, 1)
+    contact = np.random.default_rng(3).random(16)
+    assert undriven(16).readings(contact[i] + contact[j]) == pytest.approx(0.0, abs=1e-15)

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from physics.sensor import taxel_grid_m
-from physics.trials import many_point, one_point
+from ertskin.physics.sensor import taxel_grid_m
+from ertskin.physics.trials import many_point, one_point
 
 GRID = taxel_grid_m((0.12, 0.12), 6, 6)
 

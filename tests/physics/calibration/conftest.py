@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from physics.conduction.sheet import SheetModel
-from physics.protocol import Protocol, electrode_pairs
-from physics.sensor import Layer, Sensor, rectangle_m
+from ertskin.physics.conduction.sheet import SheetModel
+from ertskin.physics.protocol import Protocol, electrode_pairs
+from ertskin.physics.sensor import Layer, Sensor, rectangle_m
 
 LAYERS = (
     Layer("neoprene", 4e-3, 28e3, 0.3),

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from physics.calibration.contact_reduction import ContactReduction
-from physics.conduction.sheet import SheetModel
+from ertskin.physics.calibration.contact_reduction import ContactReduction
+from ertskin.physics.conduction.sheet import SheetModel
 
 CONTACT = np.array([950.0, 200.0, 420.0, 610.0, 150.0, 880.0, 333.0, 500.0])
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from physics.calibration.contact_resistance import (
+from ertskin.physics.calibration.contact_resistance import (
     ContactProblem,
     direct_search,
     gauss_newton,
@@ -16,9 +16,9 @@ from physics.calibration.contact_resistance import (
     robust,
     robust_weights,
 )
-from physics.calibration.rest_frames import rest_scan
-from physics.conduction.sheet import SheetModel
-from physics.protocol import Protocol
+from ertskin.physics.calibration.rest_frames import rest_scan
+from ertskin.physics.conduction.sheet import SheetModel
+from ertskin.physics.protocol import Protocol
 
 CONTACT = np.array([950.0, 200.0, 420.0, 610.0, 150.0, 880.0, 333.0, 500.0])
 SHEET = 18150.0
@@ -111,7 +111,7 @@ def test_pattern_search_finds_rosenbrocks_minimum():
 
 def test_recorded_rest_fits_to_its_noise_and_both_methods_agree(shared_data: Path):
     """Nothing was left out of this recording: its resting mean fits to the noise of a mean of 19 frames."""
-    from hardware.recording import read_recording
+    from ertskin.hardware.recording import read_recording
 
     r = read_recording(shared_data / "recordings" / "known_none.h5")
     assert r.sensor is not None
@@ -132,7 +132,7 @@ def test_recorded_rest_fits_to_its_noise_and_both_methods_agree(shared_data: Pat
 
 def test_water_tank(shared_data: Path):
     """One contact resistance per electrode and the water's; electrode 30 reads wrong and is weighted out."""
-    from hardware.recording import read_recording
+    from ertskin.hardware.recording import read_recording
 
     r = read_recording(shared_data / "real" / "ktc2023_tank_a.h5")
     assert r.sensor is not None

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from physics.calibration.coupon import CouponModulus, coupon_modulus
+from ertskin.physics.calibration.coupon import CouponModulus, coupon_modulus
 
 HEIGHT, AREA = 0.01, 4e-5
 
@@ -48,7 +48,7 @@ def test_no_loading_and_unknown_sides_are_refused():
 
 
 def test_real_coupons_soften_and_agree_with_one_another(shared_data: Path):
-    from hardware.recording import read_recording
+    from ertskin.hardware.recording import read_recording
 
     moduli = []
     for number in range(1, 6):

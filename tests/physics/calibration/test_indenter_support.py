@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from physics.calibration.indenter_support import indenter_support
+from ertskin.physics.calibration.indenter_support import indenter_support
 
 
 def test_recovers_stiffness_through_noise_offset_and_an_outlier():
@@ -27,7 +27,7 @@ def test_falling_force_is_refused():
 
 
 def test_recorded_blocks_agree_on_one_support(shared_data: Path):
-    from hardware.recording import read_recording
+    from ertskin.hardware.recording import read_recording
 
     supports = []
     for name in ("known_none", "rig_a_train", "rig_b_train"):

@@ -5,15 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from physics.calibration.moduli import (
+from ertskin.physics.calibration.moduli import (
     error_surface,
     fit_moduli,
     measured_stiffness,
     moduli_groups,
     with_moduli,
 )
-from physics.mechanics.stiffness import depth_m, sensor_stiffness_n_per_m
-from physics.sensor import Sensor
+from ertskin.physics.mechanics.stiffness import depth_m, sensor_stiffness_n_per_m
+from ertskin.physics.sensor import Sensor
 
 SUPPORT = 9000.0
 

@@ -5,16 +5,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from physics.calibration.contact_resistance import ContactProblem, gauss_newton
-from physics.calibration.moduli import fit_moduli, moduli_groups, with_moduli
-from physics.calibration.pressed_fit import PressedFrames, PressedProblem
-from physics.calibration.specimen import fit_specimen
-from physics.conduction.sheet import SheetModel
-from physics.mechanics.pressure import InterfacePressure
-from physics.mechanics.stiffness import force_n, sensor_stiffness_n_per_m
-from physics.piezo.polynomial import PiezoPolynomial
-from physics.protocol import Protocol
-from physics.sensor import Sensor
+from ertskin.physics.calibration.contact_resistance import ContactProblem, gauss_newton
+from ertskin.physics.calibration.moduli import fit_moduli, moduli_groups, with_moduli
+from ertskin.physics.calibration.pressed_fit import PressedFrames, PressedProblem
+from ertskin.physics.calibration.specimen import fit_specimen
+from ertskin.physics.conduction.sheet import SheetModel
+from ertskin.physics.mechanics.pressure import InterfacePressure
+from ertskin.physics.mechanics.stiffness import force_n, sensor_stiffness_n_per_m
+from ertskin.physics.piezo.polynomial import PiezoPolynomial
+from ertskin.physics.protocol import Protocol
+from ertskin.physics.sensor import Sensor
 
 TRUTH_PA = np.array([60e3, 250e3])
 CONTACT = np.array([950.0, 200.0, 420.0, 610.0, 150.0, 880.0, 333.0, 500.0])
@@ -76,7 +76,7 @@ def test_voltages_tell_the_ratio_that_force_and_depth_cannot(problem: PressedPro
 def test_derivatives_are_the_difference_quotients(problem: PressedProblem):
     from dataclasses import replace
 
-    from physics.calibration.pressed_fit import _State
+    from ertskin.physics.calibration.pressed_fit import _State
 
     few = replace(
         problem.frames,

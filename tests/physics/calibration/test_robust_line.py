@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from physics.calibration.robust_line import RobustLine
+from ertskin.physics.calibration.robust_line import RobustLine
 
 
 def test_exact_points_give_the_exact_line():

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from physics.calibration.scan_space import ScanSpace
-from physics.protocol import Protocol
+from ertskin.physics.calibration.scan_space import ScanSpace
+from ertskin.physics.protocol import Protocol
 
 
 def test_whole_scan_has_the_protocols_own_coordinates(protocol: Protocol):

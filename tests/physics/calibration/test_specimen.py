@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from physics.calibration.specimen import SpecimenFit, fit_specimen
+from ertskin.physics.calibration.specimen import SpecimenFit, fit_specimen
 
 LARGEST = 6e4
 
@@ -51,7 +51,7 @@ def test_law_covariance_is_calibrated():
 
 
 def test_recorded_specimens(shared_data: Path):
-    from hardware.recording import read_recording
+    from ertskin.hardware.recording import read_recording
 
     widths = {}
     for name in ("known_none", "rig_a_train", "known_piezo_hysteresis"):

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from physics.conduction.mesh import SheetMesh
-from physics.sensor import Sensor, rectangle_m
+from ertskin.physics.conduction.mesh import SheetMesh
+from ertskin.physics.sensor import Sensor, rectangle_m
 
 
 def padded_sheet() -> Sensor:

@@ -9,8 +9,8 @@ import pytest
 from scipy.special import ive
 from sheets import product_mesh
 
-from physics.conduction.mesh import SheetMesh
-from physics.conduction.sheet import SheetModel
+from ertskin.physics.conduction.mesh import SheetMesh
+from ertskin.physics.conduction.sheet import SheetModel
 
 
 @pytest.mark.parametrize("degree", [1, 2, 3, 4])

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from sheets import padded_sheet, small_sheet, tank, wavy
 
-from physics.conduction.discretisation import discretisation_error
-from physics.conduction.mesh import Grading
-from physics.conduction.sheet import Resolution, SheetModel
-from physics.protocol import Protocol, electrode_pairs
+from ertskin.physics.conduction.discretisation import discretisation_error
+from ertskin.physics.conduction.mesh import Grading
+from ertskin.physics.conduction.sheet import Resolution, SheetModel
+from ertskin.physics.protocol import Protocol, electrode_pairs
 
 NOISE_V = 2e-3
 

@@ -8,9 +8,9 @@ import h5py
 import numpy as np
 import pytest
 
-from physics.conduction.mesh import SheetMesh
-from physics.conduction.sheet import SheetModel
-from physics.protocol import Protocol, electrode_pairs
+from ertskin.physics.conduction.mesh import SheetMesh
+from ertskin.physics.conduction.sheet import SheetModel
+from ertskin.physics.protocol import Protocol, electrode_pairs
 
 
 @pytest.mark.parametrize("name", ["eidors_m2500.h5", "eidors_m10k.h5"])

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from sheets import padded_sheet, small_sheet, tank
 
-from physics.conduction.mesh import Grading, MeshError, SheetMesh, inside_polygon, layers, mesh_sheet
-from physics.conduction.sheet import RESOLUTIONS
-from physics.sensor import Sensor, rectangle_m
+from ertskin.physics.conduction.mesh import Grading, MeshError, SheetMesh, inside_polygon, layers, mesh_sheet
+from ertskin.physics.conduction.sheet import RESOLUTIONS
+from ertskin.physics.sensor import Sensor, rectangle_m
 
 COARSE = Grading(cell_m=4e-3, rim_m=4e-4, growth=4.0)
 

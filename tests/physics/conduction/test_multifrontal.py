@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from sheets import product_mesh
 
-from physics.conduction.dissection import dissect
-from physics.conduction.multifrontal import Fronts
-from physics.conduction.triangle import Space
+from ertskin.physics.conduction.dissection import dissect
+from ertskin.physics.conduction.multifrontal import Fronts
+from ertskin.physics.conduction.triangle import Space
 
 ELECTRODES = 3
 

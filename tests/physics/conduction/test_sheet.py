@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from sheets import small_sheet, tank, wavy
 
-from physics.conduction.mesh import Grading
-from physics.conduction.sheet import Resolution, SheetModel
-from physics.protocol import pair_resistances
+from ertskin.physics.conduction.mesh import Grading
+from ertskin.physics.conduction.sheet import Resolution, SheetModel
+from ertskin.physics.protocol import pair_resistances
 
 RNG_SEED = 3
 CONTACT = np.array([20.0, 50.0, 120.0, 300.0, 75.0])

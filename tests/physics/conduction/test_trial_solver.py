@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from sheets import padded_sheet, small_sheet
 
-from physics.conduction.mesh import Grading
-from physics.conduction.pressed_sheet import PiezoLaw, PressedSheet
-from physics.conduction.sheet import Resolution, SheetModel
-from physics.conduction.trials import Level, TrialSolver
-from physics.protocol import Protocol, electrode_pairs
+from ertskin.physics.conduction.mesh import Grading
+from ertskin.physics.conduction.pressed_sheet import PiezoLaw, PressedSheet
+from ertskin.physics.conduction.sheet import Resolution, SheetModel
+from ertskin.physics.conduction.trials import Level, TrialSolver
+from ertskin.physics.protocol import Protocol, electrode_pairs
 
 NOISE_V = 2e-3
 PROTOCOL = Protocol.against_sink(electrode_pairs(5), 5, 1e-3)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from sheets import product_mesh
 
-from physics.conduction.triangle import Space, edge_mass, lattice, quadrature, shape_functions, shape_slopes
+from ertskin.physics.conduction.triangle import Space, edge_mass, lattice, quadrature, shape_functions, shape_slopes
 
 DEGREES = [1, 2, 3, 4]
 

@@ -9,11 +9,11 @@ import pytest
 from sheets import padded_sheet, tank
 from test_trial_solver import COARSE, FINE, PLACES, pressed, random_presses
 
-from physics.conduction import multifrontal
-from physics.conduction.mesh import Grading
-from physics.conduction.multifrontal import Fronts
-from physics.conduction.sheet import Resolution, SheetModel
-from physics.conduction.trials import Level, TrialSolver
+from ertskin.physics.conduction import multifrontal
+from ertskin.physics.conduction.mesh import Grading
+from ertskin.physics.conduction.multifrontal import Fronts
+from ertskin.physics.conduction.sheet import Resolution, SheetModel
+from ertskin.physics.conduction.trials import Level, TrialSolver
 
 
 def multiplications(fronts: Fronts, which: np.ndarray | slice = slice(None)) -> int:

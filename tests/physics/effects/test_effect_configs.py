@@ -6,7 +6,7 @@ import pytest
 import yaml
 
 from ertskin.configuration import config_dir
-from physics.effects.registry import build_effects, effect_classes
+from ertskin.physics.effects.registry import build_effects, effect_classes
 
 
 @pytest.mark.parametrize("name", effect_classes())

@@ -6,8 +6,8 @@ import math
 
 import pytest
 
-from physics.effects.effect import Stage
-from physics.effects.registry import build_effects, effect_classes, effects_config
+from ertskin.physics.effects.effect import Stage
+from ertskin.physics.effects.registry import build_effects, effect_classes, effects_config
 
 NAMES = {
     "nonlinear_foam": "mechanics",

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from physics.effects.foam_hysteresis import FoamHysteresis
-from physics.effects.foam_softening import FoamSoftening
-from physics.effects.nonlinear_foam import NonlinearFoam
-from physics.effects.viscoelastic_foam import ViscoelasticFoam
-from physics.history import History
-from physics.mechanics.reaction import foam_force_n
+from ertskin.physics.effects.foam_hysteresis import FoamHysteresis
+from ertskin.physics.effects.foam_softening import FoamSoftening
+from ertskin.physics.effects.nonlinear_foam import NonlinearFoam
+from ertskin.physics.effects.viscoelastic_foam import ViscoelasticFoam
+from ertskin.physics.history import History
+from ertskin.physics.mechanics.reaction import foam_force_n
 
 PAD, SUPPORT, FOAM_M = 1800.0, 9000.0, 0.004
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from physics.effects.adc_saturation import AdcSaturation
-from physics.effects.channel_gain import ChannelGain
-from physics.effects.contact_pressure_dependence import ContactPressureDependence
-from physics.effects.crosstalk import Crosstalk
-from physics.effects.sheet_anisotropy import SheetAnisotropy
-from physics.effects.temperature_drift import TemperatureDrift
-from physics.protocol import Protocol, electrode_pairs
+from ertskin.physics.effects.adc_saturation import AdcSaturation
+from ertskin.physics.effects.channel_gain import ChannelGain
+from ertskin.physics.effects.contact_pressure_dependence import ContactPressureDependence
+from ertskin.physics.effects.crosstalk import Crosstalk
+from ertskin.physics.effects.sheet_anisotropy import SheetAnisotropy
+from ertskin.physics.effects.temperature_drift import TemperatureDrift
+from ertskin.physics.protocol import Protocol, electrode_pairs
 
 PROTOCOL = Protocol.against_sink(electrode_pairs(5), 5, 1e-3)
 
@@ -34,6 +34,19 @@ def test_crosstalk_keeps_part_of_the_reading_before(readings) -> None:
     assert changed[0, 3, 2] == pytest.approx(0.9 * readings[0, 3, 2] + 0.1 * readings[0, 3, 1])
     by_injection = Crosstalk(fraction=0.1, before="injection").distorted_v(readings, PROTOCOL)
     assert by_injection[0, 3, 2] == pytest.approx(0.9 * readings[0, 3, 2] + 0.1 * readings[0, 2, 2])
+
+
+@pytest.mark.parametrize(("begins", "kept"), [("discharged", 0.0), ("settled", 1.0)])
+def test_crosstalk_may_begin_anew_with_every_injection(readings, begins, kept) -> None:
+    changed = Crosstalk(fraction=0.1, begins=begins).distorted_v(readings, PROTOCOL)
+    carried = Crosstalk(fraction=0.1).distorted_v(readings, PROTOCOL)
+    np.testing.assert_allclose(changed[..., 0], (0.9 + 0.1 * kept) * readings[..., 0])
+    np.testing.assert_array_equal(changed[..., 1:], carried[..., 1:])
+
+
+def test_an_unknown_beginning_is_refused() -> None:
+    with pytest.raises(ValueError, match="begins"):
+        Crosstalk(begins="anyhow")
 
 
 def test_saturation_clips(readings) -> None:

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from physics.effects.piezo_chain import fabric_ohm_sq
-from physics.effects.piezo_creep import PiezoCreep
-from physics.effects.piezo_hysteresis import PiezoHysteresis
-from physics.effects.piezo_inhomogeneity import PiezoInhomogeneity
-from physics.piezo.polynomial import PiezoPolynomial
+from ertskin.physics.effects.piezo_chain import fabric_ohm_sq
+from ertskin.physics.effects.piezo_creep import PiezoCreep
+from ertskin.physics.effects.piezo_hysteresis import PiezoHysteresis
+from ertskin.physics.effects.piezo_inhomogeneity import PiezoInhomogeneity
+from ertskin.physics.piezo.polynomial import PiezoPolynomial
 
 EXTENT = np.array([[0.0, 0.0], [0.12, 0.12]])
 NOWHERE = np.zeros((1, 2))

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from physics.effects.scan_skew import ScanSkew
-from physics.history import History, Phase
+from ertskin.physics.effects.scan_skew import ScanSkew
+from ertskin.physics.history import History, Phase
 
 SCAN_S = 0.4
 MOMENTS_S = np.linspace(0.0, SCAN_S, 5)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from physics.sensor import Layer, Sensor, rectangle_m
+from ertskin.physics.sensor import Layer, Sensor, rectangle_m
 
 
 @pytest.fixture(scope="session")

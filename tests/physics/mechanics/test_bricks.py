@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from physics.mechanics.brick_element import CORNERS, brick_stiffness
-from physics.mechanics.bricks import BrickPad, graded_axis_m, quarter_pad
-from physics.mechanics.layered_medium import LayeredMedium
-from physics.mechanics.pressure import InterfacePressure
-from physics.mechanics.refinement import refine_bricks
-from physics.mechanics.stiffness import sensor_stiffness_n_per_m
-from physics.sensor import Layer, Sensor
+from ertskin.physics.mechanics.brick_element import CORNERS, brick_stiffness
+from ertskin.physics.mechanics.bricks import BrickPad, graded_axis_m, quarter_pad
+from ertskin.physics.mechanics.layered_medium import LayeredMedium
+from ertskin.physics.mechanics.pressure import InterfacePressure
+from ertskin.physics.mechanics.refinement import refine_bricks
+from ertskin.physics.mechanics.stiffness import sensor_stiffness_n_per_m
+from ertskin.physics.sensor import Layer, Sensor
 
 SIZE = np.array([[1.0, 0.7, 0.3]])
 STIFFNESS = brick_stiffness(SIZE, np.array([2.0]), np.array([0.3]))[0]

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from physics.mechanics.layered_medium import LayeredMedium
-from physics.sensor import Layer, Sensor
+from ertskin.physics.mechanics.layered_medium import LayeredMedium
+from ertskin.physics.sensor import Layer, Sensor
 
 DEEP = (Layer("top", 0.01, 1e5, 0.3), Layer("rest", 2.0, 1e5, 0.3))
 

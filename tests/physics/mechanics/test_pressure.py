@@ -7,10 +7,10 @@ import time
 import numpy as np
 import pytest
 
-from physics.mechanics.layered_medium import LayeredMedium
-from physics.mechanics.pressure import InterfacePressure
-from physics.mechanics.radial_kernel import RadialKernel
-from physics.sensor import Sensor
+from ertskin.physics.mechanics.layered_medium import LayeredMedium
+from ertskin.physics.mechanics.pressure import InterfacePressure
+from ertskin.physics.mechanics.radial_kernel import RadialKernel
+from ertskin.physics.sensor import Sensor
 
 
 @pytest.fixture(scope="module")

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from physics.mechanics.stiffness import depth_m, force_n, in_series, sensor_depth_m, sensor_stiffness_n_per_m
-from physics.sensor import Layer, Sensor
+from ertskin.physics.mechanics.stiffness import depth_m, force_n, in_series, sensor_depth_m, sensor_stiffness_n_per_m
+from ertskin.physics.sensor import Layer, Sensor
 
 
 def test_series_is_the_papers_equation_four():

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from physics.noise import GaussianNoise, MeasuredNoise, NoNoise, WhiteNoise
-from physics.protocol import Protocol, electrode_pairs
-from physics.spikes import despiked
+from ertskin.physics.noise import GaussianNoise, MeasuredNoise, NoNoise, WhiteNoise
+from ertskin.physics.protocol import Protocol, electrode_pairs
+from ertskin.physics.spikes import despiked
 
 ELECTRODES = 8
 PROTOCOL = Protocol.against_sink(electrode_pairs(ELECTRODES), ELECTRODES, 1e-4)

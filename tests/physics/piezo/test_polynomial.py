@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from physics.piezo.polynomial import ORDER, PiezoPolynomial
+from ertskin.physics.piezo.polynomial import ORDER, PiezoPolynomial
 
 LARGEST = 6e4
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from physics.calibration.rest_frames import rest_scan
-from physics.protocol import Protocol
+from ertskin.physics.calibration.rest_frames import rest_scan
+from ertskin.physics.protocol import Protocol
 
 
 @pytest.fixture
@@ -41,9 +41,13 @@ def test_a_drifting_skin_is_not_noise_of_the_reader(frames: np.ndarray, protocol
     assert scan.scatter_v > 2 * scan.noise_v
 
 
-def test_broken_frames_are_left_out(frames: np.ndarray, protocol: Protocol):
+def test_lost_readings_come_from_the_others_and_broken_frames_are_left_out(frames: np.ndarray, protocol: Protocol):
     broken = frames.copy()
-    broken[7, 0, 0] = np.nan
+    broken[7, 0, 2] = np.nan
+    whole = rest_scan(broken, protocol)
+    assert whole.frames == 40
+    assert whole.voltage_v == pytest.approx(rest_scan(frames, protocol).voltage_v, abs=1e-3)
+    broken[9, 1:] = np.nan
     assert rest_scan(broken, protocol).frames == 39
     with pytest.raises(ValueError, match="no complete rest frame"):
         rest_scan(np.full_like(frames, np.nan), protocol)

@@ -1,0 +1,1 @@
+"""A touch anywhere on the sheet: responses tabulated over place and force, and what several do to one another."""

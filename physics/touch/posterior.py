@@ -1,0 +1,169 @@
+"""Where and how hard a skin is touched, most probably, and how sure that is (Laplace's method).
+
+A reading z in units of the noise, D coordinates, under contacts theta = (x, y, force)_c:
+
+    z = sum_c s(theta_c) + what they add together + sum_c N(theta_c) a_c + noise,      a ~ N(0, 1).
+
+N holds what the tabulated response may err by: its size and its shape (second derivatives: wider, longer, turned), in
+standard deviations measured on the calibration's own presses; what is left of the error counts as noise that grows with
+the response. Integrated over a, theta is found by Gauss-Newton (Levenberg 1944, Marquardt 1963), and the number of
+contacts by the evidence: likelihood times prior times the posterior's volume (MacKay, Neural Computation 4 (1992) 415).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from ertskin.physics.touch.table import added_together, tangents_at
+
+Array = NDArray[np.float64]
+
+SHAPE_M = 5e-3
+"""Length in which second derivatives are counted."""
+NUISANCES = 4
+STEPS = 20
+DAMPING = 1e-3
+MOST_STEP_M = 6e-3
+COARSE, COARSE_SPREAD = 0.1, 0.5
+CONVERGED = 1e-3
+"""A step that gains less than this in the misfit is the last."""
+MOVED_M, MOVED_SHARE = 1e-3, 0.1
+SETTLED = 0.03
+"""What contacts add together is found anew once one has moved this far or its force by that share; at the end, of
+these, by so much: it changes slowly, and costs more than all the rest."""
+APART_M = 8e-3
+"""Two contacts nearer than this are one."""
+
+
+@njit(cache=True, nogil=True)
+def linearised(touch, spline, added, spread, predicted, slope, nuisance):  # type: ignore[no-untyped-def]
+    """Fill prediction (D,), slopes (D,3C) by x, y and log force, possible errors (D,4C) for contacts (C,3) that add
+    ``added`` (D,) together."""
+    rows = np.empty((7, len(predicted)))
+    predicted[:] = added
+    for c in range(len(touch)):
+        tangents_at(spline[0], spline[1], spline[2], spline[3], touch[c, 0], touch[c, 1], touch[c, 2], rows)
+        predicted += rows[0]
+        for k in range(2):
+            slope[:, 3 * c + k] = rows[1 + k]
+        slope[:, 3 * c + 2] = touch[c, 2] * rows[3]
+        nuisance[:, 4 * c] = spread[0] * rows[0]
+        for k in range(3):
+            nuisance[:, 4 * c + 1 + k] = spread[1 + k] * SHAPE_M**2 * rows[4 + k]
+
+
+@njit(cache=True, nogil=True)
+def added_by(touch, cells, width):  # type: ignore[no-untyped-def]
+    """(D,) what contacts (C,3) add together to the sum of what each does."""
+    return added_together(touch, *cells) if len(touch) > 1 else np.zeros(width)
+
+
+@njit(cache=True, nogil=True)
+def _moved(touch, before):  # type: ignore[no-untyped-def]
+    """Largest move of a contact or change of its force, 1 being as far as what they add together is left as it was."""
+    most = 0.0
+    for c in range(len(touch)):
+        away = np.sqrt((touch[c, 0] - before[c, 0]) ** 2 + (touch[c, 1] - before[c, 1]) ** 2)
+        most = max(most, away / MOVED_M, abs(touch[c, 2] / before[c, 2] - 1.0) / MOVED_SHARE)
+    return most
+
+
+@njit(cache=True, nogil=True)
+def weighed(residual, slope, nuisance, variance):  # type: ignore[no-untyped-def]
+    """Misfit, gradient (n,), curvature (n,n) and log determinant of the covariance, the errors integrated out."""
+    inner = nuisance.T @ nuisance
+    for k in range(len(inner)):
+        inner[k, k] += variance
+    by_residual = nuisance.T @ residual
+    by_slope = nuisance.T @ slope
+    solved = np.linalg.solve(inner, by_residual)
+    misfit = (residual @ residual - by_residual @ solved) / variance
+    gradient = (slope.T @ residual - by_slope.T @ solved) / variance
+    curvature = (slope.T @ slope - by_slope.T @ np.linalg.solve(inner, by_slope)) / variance
+    _, logarithm = np.linalg.slogdet(inner / variance)
+    return misfit, gradient, curvature, logarithm + len(residual) * np.log(variance)
+
+
+@njit(cache=True, nogil=True)
+def refined(reading, start, spline, cells, spread, remainder, low, high):  # type: ignore[no-untyped-def]
+    """Most probable contacts (C,3) from ``start``, misfit, its curvature (3C,3C) by x, y, log force, log determinant.
+
+    Found first as if the response erred by ``COARSE``, which smooths the misfit, then as it is. The rest as in
+    ``descended``.
+    """
+    near = descended(reading, start, spline, cells, COARSE_SPREAD * spread, max(COARSE, remainder), low, high)[0]
+    return descended(reading, near, spline, cells, spread, remainder, low, high)
+
+
+@njit(cache=True, nogil=True)
+def descended(reading, start, spline, cells, spread, remainder, low, high):  # type: ignore[no-untyped-def]
+    """Most probable contacts (C,3) from ``start``, misfit, its curvature (3C,3C) by x, y, log force, log determinant.
+
+    ``remainder``: rms of the response's error outside ``spread``, as a share of the response. ``low``, ``high`` (3,):
+    bounds of place and force.
+    """
+    count, width = len(start), len(reading)
+    touch = start.copy()
+    predicted, slope = np.empty(width), np.empty((width, 3 * count))
+    nuisance = np.empty((width, NUISANCES * count))
+    added, known = added_by(touch, cells, width), touch
+    linearised(touch, spline, added, spread, predicted, slope, nuisance)
+    variance = 1.0 + remainder**2 * (predicted @ predicted) / width
+    misfit, gradient, curvature, logarithm = weighed(reading - predicted, slope, nuisance, variance)
+    damping = DAMPING
+    for _ in range(STEPS):
+        damped = curvature.copy()
+        for k in range(3 * count):
+            damped[k, k] *= 1.0 + damping
+            damped[k, k] += 1e-12
+        step = np.linalg.solve(damped, gradient)
+        tried = touch.copy()
+        for c in range(count):
+            for k in range(2):
+                moved = touch[c, k] + min(max(step[3 * c + k], -MOST_STEP_M), MOST_STEP_M)
+                tried[c, k] = min(max(moved, low[k]), high[k])
+            stronger = touch[c, 2] * np.exp(min(max(step[3 * c + 2], -1.0), 1.0))
+            tried[c, 2] = min(max(stronger, low[2]), high[2])
+        linearised(tried, spline, added, spread, predicted, slope, nuisance)
+        also = 1.0 + remainder**2 * (predicted @ predicted) / width
+        found = weighed(reading - predicted, slope, nuisance, also)
+        before, after = misfit + logarithm, found[0] + found[3]
+        if after < before:
+            touch, misfit, gradient, curvature, logarithm = tried, found[0], found[1], found[2], found[3]
+            damping = max(0.1 * damping, 1e-9)
+            settled = before - after < CONVERGED
+            if count > 1 and _moved(touch, known) > (SETTLED if settled else 1.0):
+                added, known = added_by(touch, cells, width), touch
+                linearised(touch, spline, added, spread, predicted, slope, nuisance)
+                variance = 1.0 + remainder**2 * (predicted @ predicted) / width
+                misfit, gradient, curvature, logarithm = weighed(reading - predicted, slope, nuisance, variance)
+            elif settled:
+                break
+        else:
+            damping *= 10.0
+            if damping > 1e6:
+                break
+    return touch, misfit, curvature, logarithm
+
+
+@njit(cache=True, nogil=True)
+def log_evidence(touch, misfit, curvature, logarithm, low, high):  # type: ignore[no-untyped-def]
+    """Log probability of a reading under as many contacts: places uniform, forces uniform in their logarithm.
+
+    Where the reading tells nothing of a contact the posterior is as wide as the prior, and no wider.
+    """
+    total = -0.5 * (misfit + logarithm)
+    count = len(touch)
+    if count == 0:
+        return total
+    log_range = np.log(high[2] / low[2])
+    bounded = curvature.copy()
+    for c in range(count):
+        for k in range(2):
+            bounded[3 * c + k, 3 * c + k] += 2.0 * np.pi / (high[k] - low[k]) ** 2
+        bounded[3 * c + 2, 3 * c + 2] += 2.0 * np.pi / log_range**2
+        total -= np.log((high[0] - low[0]) * (high[1] - low[1]) * log_range)
+    _, volume = np.linalg.slogdet(bounded)
+    return total + 1.5 * count * np.log(2.0 * np.pi) - 0.5 * volume

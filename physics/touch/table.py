@@ -1,0 +1,220 @@
+"""The skin's response to a touch anywhere, tabulated over place and force: a forward model that costs microseconds.
+
+What one contact does is a smooth function of its place and force. It is solved on a grid of places, at some forces, and
+interpolated by cubic splines; what several contacts add together comes from ``ertskin.physics.touch.interplay``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from ertskin.physics.touch.interplay import Interplay, interplay_ohm
+from ertskin.physics.touch.spline import basis, coefficients
+
+Array = NDArray[np.float64]
+Floats = NDArray[np.floating]
+
+TANGENTS = 7
+"""Rows of ``tangents``: the response, its slopes by x, y and force, its second derivatives by xx, yy and xy."""
+LEAST_CELL = 0.01
+"""A cell whose conductance changes by less than this share of the most pressed one's has no part in the interplay."""
+
+
+@dataclass(frozen=True, eq=False)
+class TouchGrid:
+    """Where a table is solved: places ``x_m`` (X,) by ``y_m`` (Y,), forces ``force_n`` (F,) without 0."""
+
+    x_m: Array
+    y_m: Array
+    force_n: Array
+
+    @classmethod
+    def over(cls, extent_m: Array, spacing_m: float, forces: int, max_force_n: float) -> TouchGrid:
+        """The whole sheet [low, high] = ``extent_m`` (2,2) at ``spacing_m`` at most; forces denser where light."""
+        low, high = extent_m
+        count = np.maximum(4, np.ceil((high - low) / spacing_m - 1e-6).astype(int) + 1)
+        x, y = (np.linspace(low[k], high[k], count[k]) for k in range(2))
+        return cls(x, y, max_force_n * (np.arange(1, forces + 1) / forces) ** 1.5)
+
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        """(X, Y, F)."""
+        return len(self.x_m), len(self.y_m), len(self.force_n)
+
+    def presses(self) -> tuple[Array, Array]:
+        """(X*Y*F,1,2) places and (X*Y*F,1) forces, all forces of a place in a row."""
+        x, y, force = (axis.ravel() for axis in np.meshgrid(self.x_m, self.y_m, self.force_n, indexing="ij"))
+        return np.stack([x, y], axis=1)[:, None], force[:, None]
+
+
+@dataclass(frozen=True, eq=False)
+class ResponseTable:
+    """Spline coefficients of the response in D coordinates and of C cells' change of conductance.
+
+    ``response`` (X,Y,F+1,D) and ``cell_s`` (X,Y,F+1,C), float32; ``knots_*`` of the splines by x, y (metre) and force
+    (newton); ``read`` (P,D): pair resistances in ohm to the D coordinates.
+    """
+
+    grid: TouchGrid
+    knots_x: Array
+    knots_y: Array
+    knots_n: Array
+    response: Floats
+    cell_s: Floats
+    interplay: Interplay
+    read: Array
+
+    @classmethod
+    def through(cls, grid: TouchGrid, change_ohm: Array, cell_s: Array, interplay: Interplay) -> ResponseTable:
+        """From changes at ``grid.presses``: (X*Y*F,P) of pair resistances, (X*Y*F,C) of the cells' conductance."""
+        read = np.eye(change_ohm.shape[1])
+        response, knots = _splined(grid, change_ohm)
+        cells, _ = _splined(grid, cell_s)
+        return cls(grid, *knots, response.astype(np.float32), cells.astype(np.float32), interplay, read)
+
+    def seen(self, matrix: Array) -> ResponseTable:
+        """The same table in other coordinates: old ones (D,) times ``matrix`` (D,E)."""
+        response = np.ascontiguousarray(self.response @ matrix.astype(np.float32))
+        return replace(self, response=response, read=np.ascontiguousarray(self.read @ matrix))
+
+    def corrected(self, added: Array) -> ResponseTable:
+        """With (X*Y*F,D) added at ``grid.presses``."""
+        more, _ = _splined(self.grid, added)
+        return replace(self, response=(self.response + more).astype(np.float32))
+
+    def alone(self, contact_m: Array, force_n: Array) -> Array:
+        """(N,D) responses to single contacts at (N,2) with (N,) newton."""
+        return self.tangents(contact_m, force_n)[:, 0]
+
+    def tangents(self, contact_m: Array, force_n: Array) -> Array:
+        """(N,7,D) responses and their derivatives by x, y, force, xx, yy, xy for single contacts (N,2), (N,)."""
+        out = np.empty((len(force_n), TANGENTS, self.response.shape[3]))
+        places = np.ascontiguousarray(np.column_stack([contact_m, force_n]), dtype=float)
+        all_tangents(self.knots_x, self.knots_y, self.knots_n, self.response, places, out)
+        return out
+
+    def change(self, contact_m: Array, force_n: Array) -> Array:
+        """(N,D) responses to contacts (N,C,2) with forces (N,C), NaN for an absent one."""
+        present = np.isfinite(contact_m).all(axis=-1) & (np.nan_to_num(force_n) > 0)
+        rows, slots = np.nonzero(present)
+        total = np.zeros((len(force_n), self.response.shape[3]))
+        if len(rows):
+            np.add.at(total, rows, self.alone(contact_m[rows, slots], force_n[rows, slots]))
+        touches = np.concatenate([np.nan_to_num(contact_m), np.nan_to_num(force_n)[..., None]], axis=-1)
+        several = np.flatnonzero(present.sum(axis=1) > 1)
+        all_together(np.ascontiguousarray(touches), present, several, self.compiled(), total)
+        return total
+
+    def compiled(self) -> tuple[Any, ...]:
+        """The arrays ``added_together`` and the posterior's compiled loops take."""
+        inter = self.interplay
+        cells = self.knots_x, self.knots_y, self.knots_n, self.cell_s, inter.center_m, self.reach_m
+        return *cells, inter.field, inter.green, inter.area_m2, self.read
+
+    @property
+    def reach_m(self) -> float:
+        """Cells further than this from a contact aren't looked at: three of the interplay's cells."""
+        return 3.0 * float(np.sqrt(self.interplay.area_m2.max()))
+
+
+def _splined(grid: TouchGrid, values: Array) -> tuple[Array, tuple[Array, Array, Array]]:
+    """Coefficients and knots of the splines through (X*Y*F,D) values, and through 0 where there is no force."""
+    shaped = values.reshape(*grid.shape, -1)
+    with_rest = np.concatenate([np.zeros_like(shaped[:, :, :1]), shaped], axis=2)
+    knots_n, made = coefficients(np.concatenate([[0.0], grid.force_n]), with_rest, 2)
+    knots_x, made = coefficients(grid.x_m, made, 0)
+    knots_y, made = coefficients(grid.y_m, made, 1)
+    return np.ascontiguousarray(made), (knots_x, knots_y, knots_n)
+
+
+@njit(cache=True, nogil=True)
+def tangents_at(knots_x, knots_y, knots_n, response, x, y, force, out):  # type: ignore[no-untyped-def]
+    """Fill ``out`` (7,D) with a single contact's response and its derivatives."""
+    bx, by, bf = np.empty((3, 4)), np.empty((3, 4)), np.empty((3, 4))
+    i, j, k = basis(knots_x, x, bx), basis(knots_y, y, by), basis(knots_n, force, bf)
+    out[:] = 0.0
+    for a in range(4):
+        for b in range(4):
+            for c in range(4):
+                row = response[i + a, j + b, k + c]
+                w0 = bx[0, a] * by[0, b] * bf[0, c]
+                w1 = bx[1, a] * by[0, b] * bf[0, c]
+                w2 = bx[0, a] * by[1, b] * bf[0, c]
+                w3 = bx[0, a] * by[0, b] * bf[1, c]
+                w4 = bx[2, a] * by[0, b] * bf[0, c]
+                w5 = bx[0, a] * by[2, b] * bf[0, c]
+                w6 = bx[1, a] * by[1, b] * bf[0, c]
+                for d in range(row.shape[0]):
+                    value = row[d]
+                    out[0, d] += w0 * value
+                    out[1, d] += w1 * value
+                    out[2, d] += w2 * value
+                    out[3, d] += w3 * value
+                    out[4, d] += w4 * value
+                    out[5, d] += w5 * value
+                    out[6, d] += w6 * value
+
+
+@njit(cache=True, nogil=True)
+def all_tangents(knots_x, knots_y, knots_n, response, touch, out):  # type: ignore[no-untyped-def]
+    """``tangents_at`` for contacts (N,3) into ``out`` (N,7,D)."""
+    for n in range(len(touch)):
+        tangents_at(knots_x, knots_y, knots_n, response, touch[n, 0], touch[n, 1], touch[n, 2], out[n])
+
+
+@njit(cache=True, nogil=True)
+def added_together(touch, knots_x, knots_y, knots_n, cell_s, center_m, reach_m, field, green, area_m2, read):  # type: ignore[no-untyped-def]
+    """(D,) what contacts (C,3) add to the sum of what each does alone."""
+    cells = np.empty(len(touch) * len(center_m), dtype=np.int64)
+    change, owner = np.empty(len(cells)), np.empty(len(cells), dtype=np.int64)
+    n = 0
+    for c in range(len(touch)):
+        n = _pressed_cells(touch[c], c, n, cells, change, owner, knots_x, knots_y, knots_n, cell_s, center_m, reach_m)
+    transfer = interplay_ohm(field, green, area_m2, cells[:n], change[:n], owner[:n])
+    electrodes = len(transfer)
+    total = np.zeros(read.shape[1])
+    pair = 0
+    for i in range(electrodes):
+        for j in range(i + 1, electrodes):
+            value = transfer[i, i] + transfer[j, j] - transfer[i, j] - transfer[j, i]
+            for d in range(len(total)):
+                total[d] += value * read[pair, d]
+            pair += 1
+    return total
+
+
+@njit(cache=True, nogil=True)
+def all_together(touch, present, rows, cells, total):  # type: ignore[no-untyped-def]
+    """Add to ``total`` (N,D) what the contacts (N,C,3) that are ``present`` add together, in the frames ``rows``."""
+    for row in rows:
+        total[row] += added_together(touch[row][present[row]], *cells)
+
+
+@njit(cache=True, nogil=True)
+def _pressed_cells(touch, contact, n, cells, change, owner, knots_x, knots_y, knots_n, cell_s, center_m, reach_m):  # type: ignore[no-untyped-def]
+    """Append the cells a contact presses from place ``n`` on; where the next contact's begin."""
+    bx, by, bf = np.empty((3, 4)), np.empty((3, 4)), np.empty((3, 4))
+    i, j, k = basis(knots_x, touch[0], bx), basis(knots_y, touch[1], by), basis(knots_n, touch[2], bf)
+    first, largest = n, 0.0
+    for cell in range(len(center_m)):
+        if (center_m[cell, 0] - touch[0]) ** 2 + (center_m[cell, 1] - touch[1]) ** 2 > reach_m**2:
+            continue
+        total = 0.0
+        for a in range(4):
+            for b in range(4):
+                for c in range(4):
+                    total += bx[0, a] * by[0, b] * bf[0, c] * cell_s[i + a, j + b, k + c, cell]
+        cells[n], change[n], owner[n] = cell, total, contact
+        largest = max(largest, abs(total))
+        n += 1
+    kept = first
+    for m in range(first, n):
+        if abs(change[m]) >= LEAST_CELL * largest:
+            cells[kept], change[kept], owner[kept] = cells[m], change[m], contact
+            kept += 1
+    return kept

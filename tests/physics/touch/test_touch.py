@@ -1,0 +1,122 @@
+"""Contacts anywhere: splines, what contacts do together, and the posterior over them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.interpolate import BSpline
+from scipy.stats import chi2
+from toy_skin import EXTENT_M, response, toy_table
+
+from ertskin.physics.conduction.sheet import SheetModel
+from ertskin.physics.sensor import Sensor
+from ertskin.physics.touch.interplay import Interplay
+from ertskin.physics.touch.search import TouchPosterior
+from ertskin.physics.touch.spline import basis, coefficients
+
+
+def test_splines_and_their_slopes_are_scipys():
+    nodes = np.array([0.0, 0.3, 1.0, 1.7, 2.5, 3.1, 4.0])
+    knots, found = coefficients(nodes, np.sin(nodes), 0)
+    spline, value = BSpline(knots, found, 3), np.empty((3, 4))
+    for at in (0.0, 0.1, 1.2, 3.99, 4.0):
+        first = basis(knots, at, value)
+        for order in range(3):
+            assert value[order] @ found[first : first + 4] == pytest.approx(float(spline(at, order)), abs=1e-12)
+
+
+def test_a_table_gives_the_response_and_its_slopes_between_its_places():
+    table, rng = toy_table(), np.random.default_rng(0)
+    place, force = rng.uniform(EXTENT_M[0], EXTENT_M[1], (50, 2)), rng.uniform(0.5, 5.5, 50)
+    rows = table.tangents(place, force)
+    exact = response(place, force)
+    assert np.abs(rows[:, 0] - exact).max() < 2e-3 * exact.max()
+    step = np.array([1e-5, 0.0])
+    slope = (response(place + step, force) - response(place - step, force)) / 2e-5
+    assert np.abs(rows[:, 1] - slope).max() < 2e-2 * np.abs(slope).max()
+
+
+@pytest.fixture(scope="module")
+def sheet():
+    grid = [(x, y) for x in (0.008, 0.04, 0.072) for y in (0.008, 0.04, 0.072) if (x, y) != (0.04, 0.04)]
+    sensor = Sensor(
+        outline_m=np.array([[0.0, 0.0], [0.08, 0.0], [0.08, 0.08], [0.0, 0.08]]),
+        electrode_center_m=np.array(grid),
+        electrode_size_m=np.full((8, 2), 4e-3),
+    )
+    return SheetModel(sensor, "fast")
+
+
+@pytest.mark.parametrize("apart_m", [0.018, 0.03])
+def test_cells_tell_what_two_pressed_places_do_together(sheet, apart_m):
+    rest = sheet.solve(sheet.uniform(18e3), np.full(8, 300.0))
+
+    def pressed(places):
+        conductivity = sheet.uniform(18e3)
+        for place in places:
+            away2 = ((sheet.quadrature_m - place) ** 2).sum(axis=2)
+            conductivity += 1.0 / 18e3 * np.exp(-0.5 * away2 / 5e-3**2)
+        return sheet.solve(conductivity, np.full(8, 300.0)).pair_resistance_ohm - rest.pair_resistance_ohm
+
+    places = np.array([[0.03, 0.035], [0.03 + apart_m, 0.045]])
+    added = pressed(places) - pressed(places[:1]) - pressed(places[1:])
+    inter = Interplay.of(rest, 4e-3)
+    cells, change = [], []
+    for place in places:
+        away2 = ((inter.center_m - place) ** 2).sum(axis=1)
+        near = np.flatnonzero(away2 < 0.016**2)
+        cells.append(near)
+        change.append(1.0 / 18e3 * np.exp(-0.5 * away2[near] / 5e-3**2))
+    error = inter.change_ohm(cells, change) - added
+    assert np.linalg.norm(error) < 0.25 * np.linalg.norm(added)
+
+
+@pytest.fixture(scope="module")
+def posterior():
+    return TouchPosterior(toy_table(), np.full(4, 1e-3), 0.0, np.zeros(3), 0.1)
+
+
+def drawn(rng, count):
+    while True:
+        place = rng.uniform(EXTENT_M[0] + 4e-3, EXTENT_M[1] - 4e-3, (count, 2))
+        away = np.linalg.norm(place[:, None] - place, axis=2)[np.triu_indices(count, 1)]
+        if not len(away) or away.min() > 0.02:
+            return place, rng.uniform(0.5, 5.0, count)
+
+
+@pytest.mark.parametrize("count", [1, 2, 3])
+def test_contacts_are_found_counted_and_as_sure_as_stated(posterior, count):
+    rng = np.random.default_rng(count)
+    right, inside, shown = 0, 0, 40
+    for _ in range(shown):
+        place, force = drawn(rng, count)
+        reading = response(place, force).sum(axis=0) + rng.standard_normal(42)
+        found = posterior.of(reading[None])
+        said = np.isfinite(found.force_n[0]).sum()
+        right += said == count
+        first = np.linalg.norm(found.contact_m[0] - place[0], axis=1)
+        slot = int(np.nanargmin(first))
+        error = np.r_[found.contact_m[0, slot] - place[0], found.force_n[0, slot] - force[0]]
+        inside += error @ np.linalg.solve(found.covariance[0, slot], error) <= chi2.ppf(0.9, 3)
+    assert right >= 0.95 * shown
+    assert 0.75 * shown <= inside
+
+
+def test_nothing_is_found_in_noise_and_a_strange_reading_shows(posterior):
+    rng = np.random.default_rng(9)
+    quiet = posterior.of(rng.standard_normal((50, 42)))
+    assert np.isfinite(quiet.force_n).any(axis=1).mean() <= 0.04
+    assert quiet.misfit.mean() == pytest.approx(1.0, abs=0.1)
+    strange = posterior.of(200.0 * rng.standard_normal((1, 42)))
+    assert strange.misfit[0] > 100
+
+
+def test_a_table_in_fewer_coordinates_reads_the_same(posterior):
+    matrix = np.linalg.qr(np.random.default_rng(0).normal(size=(42, 42)))[0]
+    turned = replace(posterior, table=posterior.table.seen(matrix))
+    place, force = np.array([[0.03, 0.02]]), np.array([2.0])
+    reading = response(place, force)
+    one, other = posterior.of(reading), turned.of(reading @ matrix)
+    assert np.allclose(one.contact_m, other.contact_m, atol=1e-6, equal_nan=True)
