@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any
 
 from ertskin import __version__
 from ertskin.commands import verbs
-from ertskin.configuration import choices, config_dir
-from ertskin.errors import JobFailed, UserError
+from ertskin.configuration import choices, config_dir, groups
+from ertskin.errors import JobFailed, PastHydra, StepRefused, UserError
 from ertskin.interrupts import unwind_on_sigterm
 
 if TYPE_CHECKING:
@@ -50,7 +50,7 @@ def main(arguments: list[str] | None = None) -> int:
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1
-    except _Escape as escaped:
+    except PastHydra as escaped:
         return _report(escaped.__cause__)
     except Exception as error:
         return _report(error)
@@ -62,6 +62,12 @@ def _dispatch(arguments: list[str]) -> int:
         return 0
     if arguments[0] == "--version":
         print(f"ertskin {__version__}")
+        return 0
+    if arguments[0] in ("--completion", "--complete"):
+        from ertskin.completion import completions, script
+
+        word = arguments[1] if len(arguments) > 1 else ""
+        print(script(word) if arguments[0] == "--completion" else "\n".join(completions(word)))
         return 0
     verb, rest = arguments[0], arguments[1:]
     known = verbs()
@@ -82,15 +88,12 @@ def _run(verb: str, arguments: list[str]) -> None:
 
     unwind_on_sigterm()
     extra = [f"hydra.searchpath=[file://{WRITTEN_CONFIGS.resolve()}]"] if WRITTEN_CONFIGS.is_dir() else []
-    sweeping = bool(SWEEP_FLAGS & set(arguments))
-    if sweeping:
-        extra.append(f"hydra.sweep.dir=runs/sweep/{sweep_key(verb, arguments)}")
+    extra.append(f"hydra.sweep.dir=runs/sweep/{sweep_key(verb, arguments)}")
     command = importlib.import_module(f"ertskin.commands.{verb}")
-    task = _told_at_once(command.run) if sweeping else _escaping(command.run)
     # A command may take a word that Hydra would not, and say it in Hydra's words.
     words = command.reworded(arguments) if hasattr(command, "reworded") else arguments
     sys.argv = [f"ertskin {verb}", *_options_first([*words, *extra])]
-    hydra.main(version_base="1.3", config_path=str(config_dir()), config_name=verb)(task)()
+    hydra.main(version_base="1.3", config_path=str(config_dir()), config_name=verb)(_reporting(command.run))()
 
 
 def _options_first(arguments: list[str]) -> list[str]:
@@ -107,8 +110,17 @@ def _options_first(arguments: list[str]) -> list[str]:
     return [*options, *overrides]
 
 
-class _Escape(BaseException):
-    """Carries an error past Hydra, which would print a line of its own about it."""
+def _reporting(run: Callable[[DictConfig], Any]) -> Callable[[DictConfig], Any]:
+    @functools.wraps(run)
+    def task(config: DictConfig) -> Any:
+        from hydra.core.hydra_config import HydraConfig
+        from hydra.types import RunMode
+
+        # An experiment's file may ask for a sweep as well as a flag.
+        wrap = _told_at_once if HydraConfig.get().mode == RunMode.MULTIRUN else _escaping
+        return wrap(run)(config)
+
+    return task
 
 
 def _escaping(run: Callable[[DictConfig], Any]) -> Callable[[DictConfig], Any]:
@@ -117,7 +129,7 @@ def _escaping(run: Callable[[DictConfig], Any]) -> Callable[[DictConfig], Any]:
         try:
             return run(config)
         except Exception as error:
-            raise _Escape from error
+            raise PastHydra from error
 
     return task
 
@@ -152,6 +164,8 @@ def sweep_key(verb: str, arguments: list[str]) -> str:
 def _report(error: BaseException | None) -> int:
     if os.environ.get("ERTSKIN_TRACEBACK"):
         traceback.print_exception(error)
+    if isinstance(error, StepRefused):
+        return 2
     line = _users_line(error)
     if line is None:
         traceback.print_exception(error)
@@ -165,7 +179,7 @@ def _users_fault(error: BaseException | None) -> bool:
     from omegaconf.errors import OmegaConfBaseException
 
     # An error class of a module that was never imported can't have been raised.
-    recording = sys.modules.get("hardware.recording")
+    recording = sys.modules.get("ertskin.hardware.recording")
     kinds = (UserError, HydraException, OmegaConfBaseException, *([recording.RecordingError] if recording else []))
     return isinstance(error, kinds)
 
@@ -195,28 +209,25 @@ def _overview() -> str:
             *lines,
             "",
             "ertskin VERB --help shows a command's settings and their defaults.",
+            'eval "$(ertskin --completion bash)" completes commands and settings with TAB (also zsh, fish).',
             "A comma between values and -m runs them all: ertskin train -m grid=4x4,6x6 recording=FILE",
         ]
     )
 
 
 def _verb_help(verb: str, text: str) -> str:
-    from omegaconf import OmegaConf
-
     path = config_dir() / f"{verb}.yaml"
-    groups = []
-    for entry in OmegaConf.to_container(OmegaConf.load(path)).get("defaults", []):  # type: ignore[union-attr,call-overload]
-        for group, default in entry.items() if hasattr(entry, "items") else ():
-            name = str(group).removeprefix("override ").lstrip("/").split("@")[0].removeprefix("optional ")
-            if available := choices(name):
-                groups.append(f"  {name}={'|'.join(available)}" + (f"  (default {default})" if default else ""))
+    offered = [
+        f"  {group}={'|'.join(choices(group))}" + (f"  (default {default})" if default else "")
+        for group, default in groups(verb).items()
+    ]
     settings = [line for line in path.read_text(encoding="utf-8").splitlines() if line.strip()]
     return "\n".join(
         [
             f"usage: ertskin {verb} [-m] [group=choice] [key=value]",
             "",
             text,
-            *(["", "groups:", *groups] if groups else []),
+            *(["", "groups:", *offered] if offered else []),
             "",
             f"settings and defaults ({path}):",
             *(f"  {line}" for line in settings),

@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any
 
 from ertskin.errors import UserError
-
-if TYPE_CHECKING:
-    from omegaconf import DictConfig
 
 
 def config_dir() -> Path:
@@ -25,9 +22,30 @@ def choices(group: str) -> list[str]:
     return sorted(path.stem for path in (config_dir() / group).glob("*.yaml"))
 
 
-def whole_number(config: DictConfig, key: str) -> int:
-    """``config.key`` where it is a whole number, else a ``UserError`` that names it."""
-    value = config[key]
-    if isinstance(value, bool) or not isinstance(value, int):
-        raise UserError(f"{key} must be a whole number, not {value!r}")
-    return value
+def groups(verb: str) -> dict[str, str | None]:
+    """Group -> the choice a command makes by itself; None where it makes none."""
+    found: dict[str, str | None] = {}
+    for entry in _loaded(config_dir() / f"{verb}.yaml").get("defaults", []):
+        for group, default in entry.items() if isinstance(entry, dict) else ():
+            name = str(group).removeprefix("override ").lstrip("/").split("@")[0].removeprefix("optional ")
+            if choices(name):
+                found[name] = None if default is None else str(default)
+    return found
+
+
+def settings(name: str, choice: str | None = None) -> list[str]:
+    """Names of the settings of a command, or of one ``choice`` of the group ``name``, those it builds on included."""
+    path = config_dir() / f"{name}.yaml" if choice is None else config_dir() / name / f"{choice}.yaml"
+    if not path.is_file():
+        return []
+    loaded = _loaded(path)
+    bases = [entry for entry in loaded.get("defaults", []) if isinstance(entry, str) and entry != "_self_"]
+    inherited = [key for base in bases if choice is not None for key in settings(name, base)]
+    own = [key for key in loaded if key not in ("defaults", "hydra") and not key.startswith("_")]
+    return list(dict.fromkeys([*inherited, *own]))
+
+
+def _loaded(path: Path) -> dict[str, Any]:
+    import yaml
+
+    return yaml.safe_load(path.read_text(encoding="utf-8")) or {}

@@ -4,8 +4,8 @@ import numpy as np
 
 from ertskin.data.material import Material
 from ertskin.data.trials import TrialSet, joined
-from physics.noise import WhiteNoise
-from physics.protocol import Protocol, electrode_pairs, pair_resistances
+from ertskin.physics.noise import WhiteNoise
+from ertskin.physics.protocol import Protocol, electrode_pairs, pair_resistances
 
 SIDE, SIZE_M = 9, 0.09
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from physics.conduction.mesh import Grading
-from physics.conduction.sheet import Resolution
-from physics.piezo.polynomial import PiezoPolynomial
-from physics.sensor import Layer, Sensor, rectangle_m
+from ertskin.physics.conduction.mesh import Grading
+from ertskin.physics.conduction.sheet import Resolution
+from ertskin.physics.piezo.polynomial import PiezoPolynomial
+from ertskin.physics.sensor import Layer, Sensor, rectangle_m
 
 SMALL = Resolution(2, Grading(cell_m=6e-3, rim_m=2e-3, growth=2.0))
 CENTERS = np.array([[0.006, 0.006], [0.054, 0.006], [0.054, 0.054], [0.006, 0.054], [0.03, 0.006], [0.03, 0.054]])

@@ -1,6 +1,7 @@
 """The command line: what a person sees, and what a script can rely on."""
 
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -11,6 +12,7 @@ import yaml
 
 from ertskin import cli
 from ertskin.commands import verbs
+from ertskin.completion import completions, script
 from ertskin.configuration import choices, config_dir
 
 
@@ -31,7 +33,7 @@ def test_the_overview_names_every_command(capsys, arguments):
 def test_the_help_of_a_command_shows_its_groups_and_settings(capsys):
     assert cli.main(["train", "--help"]) == 0
     shown = capsys.readouterr().out
-    assert "model=paper|places|reciprocal" in shown
+    assert "model=contacts|paper|places|reciprocal" in shown
     assert "seed: 0" in shown
 
 
@@ -58,6 +60,74 @@ def test_a_persons_mistake_gives_one_line_and_status_2(capsys, workplace, argume
     assert err.startswith("ertskin: ")
     assert err.count("\n") == 1
     assert "Traceback" not in out + err
+
+
+@pytest.mark.parametrize(
+    ("line", "expected"),
+    [
+        ("ertskin tra", ["train"]),
+        ("ertskin train mod", ["model="]),
+        ("ertskin train model=p", ["model=paper", "model=places"]),
+        ("ertskin train -m model=paper,rec", ["model=paper,reciprocal"]),
+        ("ertskin train trainer.max", ["trainer.max_epochs="]),
+        ("ertskin train data=smoke data.pl", ["data.plan="]),
+        ("ertskin train see", ["seed="]),
+        ("ertskin train recording=run", []),
+        ("ertskin frobnicate a", []),
+    ],
+)
+def test_completions(line, expected):
+    assert completions(line) == expected
+
+
+COMPLETED = [
+    ("ertskin train model=paper,reci", "model=paper,reciprocal"),
+    ("ertskin doctor recording=mi", "recording=mine.h5"),
+]
+
+
+@pytest.fixture
+def shell(tmp_path):
+    """Runs a script in a shell that finds the program; skipped where there is no such shell."""
+    program = tmp_path / "ertskin"
+    program.write_text(f'#!/bin/sh\nexec {sys.executable} -m ertskin.cli "$@"\n')
+    program.chmod(0o755)
+    (tmp_path / "mine.h5").touch()
+    environment = {**os.environ, "PATH": f"{tmp_path}:{os.environ['PATH']}", "HOME": str(tmp_path)}
+
+    def run(name, *words):
+        if shutil.which(name) is None:
+            pytest.skip(f"{name} is not installed")
+        return subprocess.run(
+            [name, *words], capture_output=True, text=True, check=True, env=environment, cwd=tmp_path, timeout=60
+        ).stdout
+
+    return run
+
+
+def test_bash_completes_what_follows_an_equals_sign(shell):
+    typed = "ertskin train model=reci"
+    asked = f'{script("bash")}COMP_LINE="{typed}" COMP_POINT={len(typed)}; _ertskin; printf "%s|" "${{COMPREPLY[@]}}"'
+    assert shell("bash", "-c", asked) == "reciprocal |"
+
+
+@pytest.mark.parametrize(("typed", "whole"), COMPLETED)
+def test_fish_completes(shell, typed, whole):
+    assert shell("fish", "-c", f"{script('fish')}complete -C '{typed}'").split() == [whole]
+
+
+@pytest.mark.parametrize(("typed", "whole"), COMPLETED)
+def test_zsh_completes(shell, typed, whole):
+    pressed = f"""
+        zmodload zsh/zpty
+        zpty z zsh -f -i
+        zpty -w z 'eval "$(ertskin --completion zsh)"; echo READ""Y'
+        zpty -r -m z told '*READY*'
+        zpty -w -n z "{typed}"$'\\t'
+        zpty -r -m z told '*{whole}*'
+        print completed
+    """
+    assert shell("zsh", "-c", pressed).strip() == "completed"
 
 
 def test_options_may_stand_between_overrides():

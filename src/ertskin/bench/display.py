@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-from hardware.plan import Plan, Press
-from physics.history import Phase
+from ertskin.hardware.plan import Plan, Press
+from ertskin.physics.history import Phase
 
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from hardware.experiment import Progress as Standing
+    from ertskin.hardware.experiment import Progress as Standing
 
 
 def print_plan(console: Console, plan: Plan) -> None:
@@ -55,7 +55,8 @@ LINES = 6
 class Display:
     """A progress bar on a terminal; a few lines elsewhere."""
 
-    def __init__(self, console: Console, plan: Plan, done: int = 0) -> None:
+    def __init__(self, console: Console, plan: Plan, done: int = 0, before: int = 0) -> None:
+        """``done``: frames there are already, ``before`` of them of presses that the plan adds to."""
         self._console = console
         self._bar = Progress(
             TextColumn("{task.description}"),
@@ -65,7 +66,7 @@ class Display:
             console=console,
             disable=not console.is_terminal,
         )
-        self._task = self._bar.add_task("getting ready", total=plan.frames, completed=done)
+        self._task = self._bar.add_task("getting ready", total=before + plan.frames, completed=done)
         self._name = plan.name
         self._press = -1
 

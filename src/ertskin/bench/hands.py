@@ -9,7 +9,7 @@ from ertskin.errors import JobFailed
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from hardware.plan import Press
+    from ertskin.hardware.plan import Press
 
 
 class Hands(Protocol):

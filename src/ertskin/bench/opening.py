@@ -9,20 +9,20 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ertskin.errors import UserError
-from hardware.clock import Clock, SystemClock
-from hardware.compressometer import read_specimen_table
-from hardware.description import DescriptionError, protocol_of, sensor_of
-from hardware.instrument import ErtReader
-from hardware.recording import Specimen
-from hardware.rig import Rig, RigError, open_reader, open_rig
-from hardware.specimen_run import SpecimenSetup
-from physics.protocol import Protocol
-from physics.sensor import Sensor
+from ertskin.hardware.clock import Clock, SystemClock
+from ertskin.hardware.compressometer import read_specimen_table
+from ertskin.hardware.description import DescriptionError, protocol_of, sensor_of
+from ertskin.hardware.instrument import ErtReader
+from ertskin.hardware.recording import Specimen
+from ertskin.hardware.rig import Rig, RigError, open_reader, open_rig
+from ertskin.hardware.specimen_run import SpecimenSetup
+from ertskin.physics.protocol import Protocol
+from ertskin.physics.sensor import Sensor
 
 if TYPE_CHECKING:
     from ertskin.bench.hands import Hands
-    from hardware.virtual.bench.truth import Truth
-    from hardware.virtual.rig import VirtualBench
+    from ertskin.hardware.virtual.bench.truth import Truth
+    from ertskin.hardware.virtual.rig import VirtualBench
 
 
 @dataclass(frozen=True)
@@ -108,7 +108,7 @@ def ports(fields: Mapping[str, Any], sensor: Sensor, protocol: Protocol) -> Iter
 def _virtual(
     fields: Mapping[str, Any], sensor: Sensor, protocol: Protocol, start_s: float, real_time: bool, purpose: str
 ) -> Iterator[OpenBench]:
-    from hardware.virtual.rig import PLATE_M2
+    from ertskin.hardware.virtual.rig import PLATE_M2
 
     with _emulated(fields, sensor, protocol, start_s, real_time, purpose) as (bench, truth):
         setup = SpecimenSetup(**{"area_m2": PLATE_M2, **(fields.get("specimen_run") or {})})
@@ -128,11 +128,11 @@ def _emulated(
     real_time: bool = False,
     purpose: str = "live",
 ) -> Iterator[tuple[VirtualBench, Truth]]:
-    from hardware.virtual.bench.live import LiveSkin
-    from hardware.virtual.bench.truth import Noise, draw_truth
-    from hardware.virtual.rig import virtual_bench
-    from hardware.virtual.serving import Server
-    from hardware.virtual.specimen import BenchSpecimen
+    from ertskin.hardware.virtual.bench.live import LiveSkin
+    from ertskin.hardware.virtual.bench.truth import Noise, draw_truth
+    from ertskin.hardware.virtual.rig import virtual_bench
+    from ertskin.hardware.virtual.serving import Server
+    from ertskin.hardware.virtual.specimen import BenchSpecimen
 
     hidden = {name: float(strength) for name, strength in (fields.get("effects") or {}).items()}
     try:

@@ -9,9 +9,10 @@ from typing import Any
 from yaml import YAMLError
 
 from ertskin.errors import UserError
-from hardware.plan import (
+from ertskin.hardware.plan import (
     Plan,
     PlanError,
+    anywhere_test,
     one_point_test,
     plan_from_presses,
     plan_of,
@@ -19,12 +20,15 @@ from hardware.plan import (
     taxel_plan,
     two_point_test,
 )
-from physics.sensor import Sensor
+from ertskin.physics.sensor import Sensor
 
 KINDS: Mapping[str, Callable[[Mapping[str, Any], Sensor], Plan]] = {
     "taxels": lambda fields, sensor: taxel_plan(sensor.taxel_m, **fields.get("ramp", {})),
     "one_point_test": lambda fields, sensor: one_point_test(sensor.taxel_m, **fields.get("depths", {})),
     "two_point_test": lambda fields, sensor: two_point_test(sensor.taxel_m, fields["pairs"], fields["weight_n"]),
+    "anywhere_test": lambda fields, sensor: anywhere_test(
+        sensor.extent_m, **{key: value for key, value in fields.items() if key not in ("kind", "repeats")}
+    ),
     "file": lambda fields, sensor: _plan_in(Path(fields["path"]), sensor),
     "listed": lambda fields, _sensor: plan_of(fields),
 }

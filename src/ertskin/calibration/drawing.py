@@ -10,6 +10,10 @@ from matplotlib.figure import Figure
 from ertskin.calibration.fit import Fits, single_presses
 from ertskin.calibration.model_error import ModelError
 from ertskin.calibration.result import Calibration
+from ertskin.hardware.recording import Recording
+from ertskin.physics.conduction.sheet import SheetModel
+from ertskin.physics.history import Phase
+from ertskin.physics.mechanics.stiffness import force_n
 from ertskin.report.figures.contact_resistance_fit import contact_resistance_fit
 from ertskin.report.figures.error_surface import error_surface
 from ertskin.report.figures.force_depth import force_depth
@@ -17,10 +21,6 @@ from ertskin.report.figures.model_error_by_force import model_error_by_force
 from ertskin.report.figures.model_error_cases import model_error_cases
 from ertskin.report.figures.specimen import specimen
 from ertskin.report.figures.taxel_map import taxel_map
-from hardware.recording import Recording
-from physics.conduction.sheet import SheetModel
-from physics.history import Phase
-from physics.mechanics.stiffness import force_n
 
 FIGURES = {
     "force_depth": "Force against commanded depth, and the rigid block (III-A, III-B)",
@@ -53,10 +53,11 @@ def calibration_figures(
         yield "contact_resistance", _contact_resistance(recording, calibration, fits, resolution)
     if error is not None:
         taxel_m = calibration.known_sensor.taxel_m
-        yield (
-            "model_error_map",
-            taxel_map(taxel_m, 1e3 * error.per_taxel_v(len(taxel_m)), "RMSE of the voltage change / mV"),
-        )
+        if len(taxel_m):
+            yield (
+                "model_error_map",
+                taxel_map(taxel_m, 1e3 * error.per_taxel_v(len(taxel_m)), "RMSE of the voltage change / mV"),
+            )
         yield "model_error_force", model_error_by_force(error.force_n, error.rmse_v, calibration.noise_v)
         yield "model_error_cases", model_error_cases(error.measured_v, error.simulated_v, error.names)
 

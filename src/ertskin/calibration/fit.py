@@ -10,16 +10,23 @@ from numpy.typing import NDArray
 
 from ertskin.calibration.result import Calibration
 from ertskin.errors import UserError
-from hardware.recording import Coupon, Recording
-from physics.calibration.contact_resistance import ContactFit, ContactProblem, direct_search, gauss_newton
-from physics.calibration.coupon import CouponModulus, coupon_modulus
-from physics.calibration.indenter_support import IndenterSupport, indenter_support
-from physics.calibration.moduli import ErrorSurface, ModuliFit, error_surface, fit_moduli, moduli_groups, with_moduli
-from physics.calibration.rest_frames import RestScan, rest_scan
-from physics.calibration.specimen import SpecimenFit, fit_specimen
-from physics.conduction.sheet import SheetModel
-from physics.history import Phase
-from physics.sensor import Sensor
+from ertskin.hardware.recording import Coupon, Recording
+from ertskin.physics.calibration.contact_resistance import ContactFit, ContactProblem, direct_search, gauss_newton
+from ertskin.physics.calibration.coupon import CouponModulus, coupon_modulus
+from ertskin.physics.calibration.indenter_support import IndenterSupport, indenter_support
+from ertskin.physics.calibration.moduli import (
+    ErrorSurface,
+    ModuliFit,
+    error_surface,
+    fit_moduli,
+    moduli_groups,
+    with_moduli,
+)
+from ertskin.physics.calibration.rest_frames import RestScan, rest_scan
+from ertskin.physics.calibration.specimen import SpecimenFit, fit_specimen
+from ertskin.physics.conduction.sheet import SheetModel
+from ertskin.physics.history import Phase
+from ertskin.physics.sensor import Sensor
 
 Array = NDArray[np.float64]
 Say = Callable[[str], None]
@@ -56,10 +63,18 @@ def fit_recording(
 ) -> tuple[Calibration, Fits]:
     """Fit all that ``recording`` allows; ``say`` gets a line before each step.
 
-    Raises ``UserError`` for an unknown method, or where there is nothing to calibrate at all.
+    Raises ``UserError`` for an unknown method, where there is nothing to calibrate at all, or where the recording's
+    numbers can't be fitted.
     """
     if method not in METHODS:
         raise UserError(f"method={method}: choose one of {', '.join(METHODS)}")
+    try:
+        return _fit_all(recording, name, method, resolution, say)
+    except (ValueError, np.linalg.LinAlgError) as error:
+        raise UserError(f"{name}: can't be calibrated on: {error}") from None
+
+
+def _fit_all(recording: Recording, name: str, method: str, resolution: str, say: Say) -> tuple[Calibration, Fits]:
     fits = Fits()
     if recording.rigid_block is not None:
         say("support of the indenter")

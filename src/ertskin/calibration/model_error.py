@@ -15,7 +15,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class ModelError:
-    """Of N one-point frames: ``force_n``, ``taxel`` (the nearest one), and ``rmse_v`` over the readings' changes.
+    """Of N one-point frames: ``force_n``, ``taxel`` (the nearest, -1 without any), ``rmse_v`` of the readings' changes.
 
     ``worst`` and ``best``: measured and simulated changes (R,) of the frames with the largest and smallest error
     among those at full depth, with their names.
@@ -46,7 +46,8 @@ def model_error(forward: SkinForward, touches: Touches) -> ModelError:
     measured = (single.change_v @ protocol.orthonormal.T).astype(float)
     rmse = np.sqrt(np.mean((measured - simulated) ** 2, axis=1))
     taxel_m = forward.calibration.known_sensor.taxel_m
-    taxel = np.linalg.norm(place[:, None] - taxel_m, axis=-1).argmin(axis=1)
+    away = np.linalg.norm(place[:, None] - taxel_m, axis=-1)
+    taxel = away.argmin(axis=1) if len(taxel_m) else np.full(len(place), -1)
     deep = np.flatnonzero(force > 0.9 * force.max())
     ends = deep[[rmse[deep].argmax(), rmse[deep].argmin()]]
     names = [f"({1e3 * place[k][0]:.0f}, {1e3 * place[k][1]:.0f}) mm, {force[k]:.1f} N" for k in ends]

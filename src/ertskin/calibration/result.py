@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ertskin.errors import UserError
-from physics.piezo.polynomial import PiezoPolynomial
-from physics.sensor import Sensor
+from ertskin.physics.piezo.polynomial import PiezoPolynomial
+from ertskin.physics.sensor import Sensor
 
 Array = NDArray[np.float64]
 

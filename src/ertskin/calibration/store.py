@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 from typing import Any
 
@@ -11,8 +10,9 @@ import yaml
 
 from ertskin.calibration.result import Calibration
 from ertskin.errors import UserError
-from physics.piezo.polynomial import PiezoPolynomial
-from physics.sensor import Layer, Sensor
+from ertskin.files import write_whole
+from ertskin.physics.piezo.polynomial import PiezoPolynomial
+from ertskin.physics.sensor import Layer, Sensor
 
 FORMAT = "ertskin-calibration"
 VERSION = 1
@@ -22,10 +22,7 @@ _NUMBERS = ("sheet_resistance_ohm_sq", "contact_resistance_guess_ohm", "indenter
 
 def save_calibration(path: Path, calibration: Calibration) -> None:
     """Write ``calibration`` aside and rename it into place."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    aside = path.with_suffix(f".{os.getpid()}.tmp")
-    aside.write_text(yaml.safe_dump(_plain(calibration), sort_keys=False, width=110), encoding="utf-8")
-    os.replace(aside, path)
+    write_whole(path, yaml.safe_dump(_plain(calibration), sort_keys=False, width=110))
 
 
 def load_calibration(path: Path) -> Calibration:

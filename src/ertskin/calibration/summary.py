@@ -9,8 +9,8 @@ from rich.table import Table
 from ertskin.calibration.fit import Fits
 from ertskin.calibration.model_error import ModelError
 from ertskin.calibration.result import Calibration
-from physics.calibration.contact_resistance import ContactFit
-from physics.calibration.rest_frames import RestScan
+from ertskin.physics.calibration.contact_resistance import ContactFit
+from ertskin.physics.calibration.rest_frames import RestScan
 
 
 def print_summary(console: Console, calibration: Calibration, fits: Fits, error: ModelError | None) -> None:

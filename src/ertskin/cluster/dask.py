@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Any, TypeVar
 
 from ertskin.cluster.local import THREAD_VARIABLES, prepare
+from ertskin.cores import SHARE_VARIABLE, given_cores
 from ertskin.errors import JobFailed, UserError
 
 Result = TypeVar("Result")
@@ -70,6 +71,7 @@ class DaskCluster:
         quiet["distributed.admin.large-graph-warning-threshold"] = "1 GB"
         # Dask leaves what its workers shall find in this process's own environment: no more than it should have.
         quiet["distributed.nanny.pre-spawn-environ"] = dict.fromkeys(THREAD_VARIABLES, 1)
+        quiet[f"distributed.nanny.environ.{SHARE_VARIABLE}"] = max(1, given_cores() // self.workers)
         stack.enter_context(dask.config.set(quiet))
         if self.address is not None:
             try:
@@ -80,8 +82,8 @@ class DaskCluster:
             cluster = stack.enter_context(_slurm(self.slurm))
             cluster.scale(jobs=self.workers)
         else:
-            share = 1.0 / self.workers
-            here = {"threads_per_worker": 1, "memory_limit": share, "host": "127.0.0.1", "dashboard_address": None}
+            memory = 1.0 / self.workers
+            here = {"threads_per_worker": 1, "memory_limit": memory, "host": "127.0.0.1", "dashboard_address": None}
             cluster = stack.enter_context(LocalCluster(n_workers=0, **here))
             cluster.scale(self.workers)
         return stack.enter_context(Client(cluster))

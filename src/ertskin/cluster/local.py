@@ -8,11 +8,12 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import dataclass
-from multiprocessing import get_context
+from multiprocessing import get_all_start_methods, get_context, get_start_method, set_start_method
 from typing import Any, TypeVar
 
 from threadpoolctl import threadpool_limits
 
+from ertskin.cores import SHARE_VARIABLE, given_cores
 from ertskin.errors import JobFailed
 
 Result = TypeVar("Result")
@@ -37,11 +38,14 @@ class LocalCluster:
         Raises ``JobFailed`` where processes died ``MOST_LOSSES`` times.
         """
         todo = list(numbers)
-        workers = min(self.workers or os.cpu_count() or 1, len(todo))
+        workers = min(self.workers or given_cores(), len(todo))
         if workers <= 1:
-            with threadpool_limits(1):
-                for number in todo:
-                    yield number, compute(number)
+            for number in todo:
+                # Not held while the caller has the word: the limit is the whole process's, and the bits of a caller's
+                # products depend on it. Nor given back whenever a forgotten generator happens to be collected.
+                with threadpool_limits(1):
+                    result = compute(number)
+                yield number, result
             return
         prepare(compute)
         losses = 0
@@ -66,7 +70,10 @@ def _nothing() -> None: ...
 
 
 def _pooled(compute: Callable[[int], Result], todo: list[int], workers: int) -> Iterator[tuple[int, Result]]:
-    with _one_thread_each(), ProcessPoolExecutor(workers, get_context("spawn"), _remember, (compute,)) as pool:
+    if get_start_method(allow_none=True) not in (None, *get_all_start_methods()):
+        # In a worker of another launcher (loky's) it is that one's own, which a fresh interpreter doesn't know.
+        set_start_method("spawn", force=True)
+    with _one_thread_each(workers), ProcessPoolExecutor(workers, get_context("spawn"), _remember, (compute,)) as pool:
         waiting = {pool.submit(_call, number): number for number in todo}
         try:
             for done in as_completed(waiting):
@@ -76,10 +83,10 @@ def _pooled(compute: Callable[[int], Result], todo: list[int], workers: int) -> 
 
 
 @contextmanager
-def _one_thread_each() -> Iterator[None]:
-    """Set before a child loads its BLAS: threads of two busy processes fight."""
-    before = {name: os.environ.get(name) for name in THREAD_VARIABLES}
-    os.environ.update(dict.fromkeys(THREAD_VARIABLES, "1"))
+def _one_thread_each(workers: int) -> Iterator[None]:
+    """Set before a child loads its BLAS: threads of two busy processes fight. Each gets its share of the cores."""
+    before = {name: os.environ.get(name) for name in (*THREAD_VARIABLES, SHARE_VARIABLE)}
+    os.environ.update({**dict.fromkeys(THREAD_VARIABLES, "1"), SHARE_VARIABLE: str(max(1, given_cores() // workers))})
     try:
         yield
     finally:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import os
 from collections.abc import Callable
 from typing import Any
 
@@ -31,7 +32,7 @@ class KeepsFreedMemory(WorkerPlugin):
 
     def setup(self, worker: Any) -> None:
         """Called on each worker, also on those that join later."""
-        mallopt = getattr(ctypes.CDLL(None), "mallopt", None)
+        mallopt = getattr(ctypes.CDLL(None), "mallopt", None) if os.name == "posix" else None
         if mallopt is not None:
             mallopt(MMAP_THRESHOLD, LARGEST_MMAP_BYTES)
             mallopt(TRIM_THRESHOLD, KEPT_BYTES)

@@ -10,7 +10,19 @@ import ast
 from pathlib import Path
 
 # The order a person works in; a verb that isn't named here comes after them.
-ORDER = ("run", "doctor", "record", "calibrate", "synthesize", "train", "evaluate", "diagnose", "live", "dashboard")
+ORDER = (
+    "run",
+    "doctor",
+    "import",
+    "record",
+    "calibrate",
+    "synthesize",
+    "train",
+    "evaluate",
+    "diagnose",
+    "live",
+    "dashboard",
+)
 
 
 def verbs() -> dict[str, str]:

@@ -10,7 +10,7 @@ recording=[A.h5,B.h5] or recording='FOLDER/*.h5'; every one then has its own fol
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from omegaconf import DictConfig
     from rich.console import Console
 
-    from ertskin.diagnosis.claims import Diagnosis
-    from ertskin.diagnosis.retraining import Retraining
+    from ertskin.diagnosis.contract.claims import Diagnosis
+    from ertskin.diagnosis.output.retraining import Retraining
 
 EFFECTS = Path("runs/conf")
 Report = Callable[[float | None, str], None]
@@ -48,7 +48,7 @@ class Diagnoses:
     def __call__(self, number: int) -> Diagnosis | str:
         """The diagnosis, or the line that says why there is none: one bad file must not end the others."""
         from ertskin.errors import JobFailed, UserError
-        from hardware.recording import RecordingError
+        from ertskin.hardware.recording import RecordingError
 
         try:
             return self.diagnosed(number, lambda share, text: None)[0]
@@ -57,30 +57,54 @@ class Diagnoses:
 
     def diagnosed(self, number: int, report: Report) -> tuple[Diagnosis, list[Path]]:
         """The diagnosis and the files written; ``report(share, text)`` follows it."""
-        from ertskin.diagnosis.any_recording import diagnose_any
-        from ertskin.diagnosis.report import write_report
-        from ertskin.diagnosis.written import config_name, write_diagnosis, write_effects
-        from hardware.recording import read_recording
+        from ertskin.hardware.recording import read_recording
 
         source, out = self.sources[number], self.folders[number]
+        recording = read_recording(source)  # Refused before what follows loads for seconds.
+
+        from ertskin.data.shards import file_sha256
+        from ertskin.diagnosis.any_recording import diagnose_any
+        from ertskin.diagnosis.output.diagnosis_file import write_diagnosis, write_effects
+        from ertskin.diagnosis.output.figures import write_figures
+        from ertskin.diagnosis.output.names import config_name
+        from ertskin.diagnosis.output.report import write_report
+        from ertskin.report.provenance import provenance
+
         name = config_name(source)
-        findings = diagnose_any(read_recording(source), source.name, report, self.resolution)
+        findings = diagnose_any(recording, source.name, report, self.resolution)
         report(0.95, "writing the report")
-        effects = tuple(claim.effect for claim in findings.diagnosis.claims)
+        effects = findings.diagnosis.effects
         written = [write_effects(folder, name, effects, source.name) for folder in (out, self.effects)]
-        written += [write_report(out, findings), write_diagnosis(out, findings.diagnosis)]
-        return findings.diagnosis, written
+        drawn = write_figures(out, findings)
+        commands = next_commands(source, name, bool(effects))
+        about = {"recording_sha256": file_sha256(source), "figures": [one.plain() for one in drawn]}
+        diagnosis = replace(findings.diagnosis, extra={**findings.diagnosis.extra, **about})
+        made = write_report(out, findings, drawn, commands, provenance(source, self.resolution))
+        written += [made, write_diagnosis(out, diagnosis)]
+        return diagnosis, written
+
+
+def next_commands(source: Path, name: str, named: bool) -> tuple[str, ...]:
+    """What a person would type next: train with the effects named, or see what the recording allows."""
+    if not named:
+        return (f"ertskin doctor recording={source}", f"ertskin train recording={source} model=reciprocal")
+    return (
+        f"ertskin train recording={source} model=reciprocal effects={name}",
+        f"ertskin evaluate recording={source} effects={name} one=TEST.h5",
+        f"ertskin diagnose recording={source} retrain=true one=TEST.h5",
+    )
 
 
 def _diagnose_one(config: DictConfig, source: Path, console: Console) -> None:
-    from ertskin.diagnosis.progress import progress_bar
-    from ertskin.diagnosis.summary import print_summary
-    from ertskin.diagnosis.written import config_name
+    from ertskin.diagnosis.output.names import config_name
+    from ertskin.diagnosis.output.progress import progress_bar
 
     retraining = _retraining(config)
     out = Path(config.out) if config.out else Path("runs/diagnose") / config_name(source)
     with progress_bar(console) as report:
         diagnosis, written = Diagnoses((source,), (out,), EFFECTS, config.physics.resolution).diagnosed(0, report)
+    from ertskin.diagnosis.output.summary import print_summary
+
     print_summary(console, diagnosis)
     for path in written:
         console.print(str(path), soft_wrap=True, highlight=False)
@@ -92,17 +116,20 @@ def _retraining(config: DictConfig) -> Retraining | None:
     """What is asked for, checked before the diagnosis takes its minutes."""
     if not config.retrain:
         return None
-    from ertskin.diagnosis.retraining import Retraining
+    from ertskin.diagnosis.output.retraining import Retraining
+    from ertskin.hardware.recording import read_recording
 
     one, two = (None if config[role] is None else Path(config[role]) for role in ("one", "two"))
+    for test in (one, two):
+        if test is not None:
+            read_recording(test)
     return Retraining(one, two, tuple(config.models), tuple(config.seeds), tuple(config.settings))
 
 
 def _retrain(retraining: Retraining, diagnosis: Diagnosis, source: Path, out: Path, console: Console) -> None:
-    from dataclasses import replace
-
-    from ertskin.diagnosis.summary import print_retrained
-    from ertskin.diagnosis.written import config_name, write_diagnosis
+    from ertskin.diagnosis.output.diagnosis_file import write_diagnosis
+    from ertskin.diagnosis.output.names import config_name
+    from ertskin.diagnosis.output.summary import print_retrained
 
     if not diagnosis.claims:
         console.print("nothing was named: there is nothing to retrain with")
@@ -118,8 +145,8 @@ def _retrain(retraining: Retraining, diagnosis: Diagnosis, source: Path, out: Pa
 def _diagnose_many(config: DictConfig, sources: tuple[Path, ...], console: Console) -> None:
     import hydra
 
-    from ertskin.diagnosis.summary import print_summary
-    from ertskin.diagnosis.written import config_name
+    from ertskin.diagnosis.output.names import config_name
+    from ertskin.diagnosis.output.summary import print_summary
     from ertskin.errors import JobFailed, UserError
     from ertskin.progress import counting
 

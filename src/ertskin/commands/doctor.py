@@ -10,14 +10,16 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
-from hardware.measurement import RecordingError
-from hardware.validate import Findings, validate
+from ertskin.hardware.measurement import RecordingError
+from ertskin.hardware.validate import Findings, validate
 
 if TYPE_CHECKING:
     from omegaconf import DictConfig
     from rich.console import Console
+    from rich.table import Table
 
-    from hardware.discovery import Answer
+    from ertskin.hardware.discovery import Answer
+    from ertskin.hardware.uses import Use
 
 
 def run(config: DictConfig) -> None:
@@ -46,7 +48,7 @@ def examine_recording(path: Path, console: Console) -> None:
 def open_seal(path: Path, folder: Path, console: Console) -> None:
     """Print what was hidden in the skin of a virtual bench's recording; raises ``UserError`` where there is no seal."""
     from ertskin.errors import UserError
-    from hardware.virtual.bench.sealing import SealError, unseal
+    from ertskin.hardware.virtual.bench.sealing import SealError, unseal
 
     try:
         truth, _ = unseal(path, folder)
@@ -58,17 +60,36 @@ def open_seal(path: Path, folder: Path, console: Console) -> None:
 
 
 def print_findings(findings: Findings, console: Console) -> None:
-    """Print the facts as a table, then the warnings, a line each."""
+    """Print the facts as a table, what the recording can be used for as another, then the warnings, a line each."""
     from rich.markup import escape
     from rich.table import Table
 
-    table = Table(title=escape(str(findings.path)), show_header=False, title_justify="left")
+    console.print(str(findings.path), soft_wrap=True, highlight=False, markup=False)
+    table = Table(show_header=False)
+    table.add_column(no_wrap=True)
+    table.add_column(overflow="fold")
     for fact in findings.facts:
         table.add_row(fact.name, escape(fact.value))
     console.print(table)
+    console.print(_uses_table(findings.uses))
     for warning in findings.warnings:
         console.print(f"[yellow]warning[/yellow] {escape(warning)}", soft_wrap=True, highlight=False)
-    console.print("[green]ok[/green] the recording can be used", highlight=False)
+    if any(use.able for use in findings.uses):
+        console.print("[green]ok[/green] the recording can be used", highlight=False)
+
+
+def _uses_table(uses: list[Use]) -> Table:
+    """Use, yes or no, and why."""
+    from rich.markup import escape
+    from rich.table import Table
+
+    table = Table()
+    table.add_column("can be used to", no_wrap=True)
+    table.add_column("", no_wrap=True)
+    table.add_column("because", overflow="fold")
+    for use in uses:
+        table.add_row(use.name, "[green]yes[/green]" if use.able else "[red]no[/red]", escape(use.because))
+    return table
 
 
 def examine_rig(config: DictConfig, console: Console) -> None:
@@ -77,8 +98,8 @@ def examine_rig(config: DictConfig, console: Console) -> None:
 
     from ertskin.bench.opening import described, ports
     from ertskin.errors import JobFailed, UserError
-    from hardware.discovery import ask_rig
-    from hardware.rig import RigError
+    from ertskin.hardware.discovery import ask_rig
+    from ertskin.hardware.rig import RigError
 
     fields = cast(dict[str, Any], OmegaConf.to_container(config, resolve=True))
     try:
@@ -94,8 +115,8 @@ def examine_rig(config: DictConfig, console: Console) -> None:
 
 def examine_ports(console: Console) -> None:
     """Ask every serial port of this machine what it is."""
-    from hardware.clock import SystemClock
-    from hardware.discovery import discover, ports
+    from ertskin.hardware.clock import SystemClock
+    from ertskin.hardware.discovery import discover, ports
 
     found = ports()
     if not found:

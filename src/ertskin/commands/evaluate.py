@@ -14,6 +14,10 @@ if TYPE_CHECKING:
 
 def run(config: DictConfig) -> None:
     """Evaluate, and print the table and where the report is."""
+    from ertskin.evaluation.recordings import evaluated_recordings
+
+    files = evaluated_recordings(config)  # Refused before what follows loads for seconds.
+
     from rich.console import Console
 
     from ertskin.evaluation.evaluate import evaluate
@@ -21,7 +25,7 @@ def run(config: DictConfig) -> None:
 
     console = Console()
     with console.status("evaluating") as status:
-        done = evaluate(config, lambda line: status.update(f"evaluating: {line}"))
+        done = evaluate(config, files, lambda line: status.update(f"evaluating: {line}"))
     print_table(console, done.methods)
     for line in done.remarks:
         console.print(line, soft_wrap=True, highlight=False)

@@ -14,28 +14,35 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
-from hardware.failure import InstrumentError
+from ertskin.hardware.failure import InstrumentError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
     from omegaconf import DictConfig
 
+    from ertskin.hardware.instrument import Scan
+    from ertskin.hardware.recording import Recording
     from ertskin.live.predictor import Predictor
-    from hardware.instrument import Scan
-    from physics.protocol import Protocol
-    from physics.sensor import Sensor
+    from ertskin.physics.protocol import Protocol
+    from ertskin.physics.sensor import Sensor
 
 
 def run(config: DictConfig) -> None:
     """Watch until interrupted, or until a recording played is through."""
     from ertskin.errors import JobFailed, UserError
+    from ertskin.hardware.recording import read_recording
+
+    # Refused before what follows loads for seconds.
+    recording = None if config.recording is None else read_recording(Path(config.recording))
+
     from ertskin.live.keeping import Keeper
     from ertskin.live.message import fault_of, line_of, message_of
     from ertskin.live.server import Channel, LiveServer
-    from ertskin.live.session import Session
+    from ertskin.live.session import LEFT, Session
+    from ertskin.live.watch import Watch
 
-    predictor = _predictor(Path(config.network))
+    predictor = _predictor(_network(config))
     ending, channel = threading.Event(), Channel()
 
     def out(message: dict[str, object]) -> None:
@@ -50,12 +57,15 @@ def run(config: DictConfig) -> None:
 
     with ExitStack() as stack:
         stack.callback(ending.set)
-        played = config.recording is not None
-        source = _played(config, ending) if played else _watched(config, stack, ending, failed)
+        source = _watched(config, stack, ending, failed) if recording is None else _played(config, recording, ending)
         if source.protocol.shape != predictor.kind.shape:
             found, wanted = ("x".join(map(str, shape)) for shape in (source.protocol.shape, predictor.kind.shape))
             raise UserError(f"the reader scans {found}, the network was trained on {wanted}")
-        session = Session(predictor, source.zero_scans, source.noise_v)
+        watch = None if predictor.monitor is None else Watch(predictor.monitor, source.protocol)
+        if watch is None and config.follow:
+            print("ertskin: this network does not know its resting skin: zeroing alone", file=sys.stderr)
+        session = Session(predictor, source.zero_scans, source.noise_v, watch if config.follow else None)
+        left = False
         keeper = Keeper(Path(config.folder), source.name, source.sensor, source.protocol)
         stack.callback(keeper.end)
         if not config.stream:
@@ -66,6 +76,9 @@ def run(config: DictConfig) -> None:
             for scan in source.scans:
                 frame = session.see(scan)
                 keeper.keep(scan, frame)
+                if frame.left and not left:
+                    print(f"ertskin: {LEFT}", file=sys.stderr)
+                left = frame.left
                 out(message_of(frame, predictor.kind.taxel_m, source.epoch_s, keeper.frames))
         except InstrumentError as error:
             raise JobFailed(str(error)) from None
@@ -77,6 +90,17 @@ def _zeroing(session: Any) -> Any:
         return "zeroing: do not touch"
 
     return zero
+
+
+def _network(config: DictConfig) -> Path:
+    """The network that is named, else that of the training which ended last."""
+    if config.network is not None:
+        return Path(config.network)
+    from ertskin.training.finished import latest_job
+
+    latest = latest_job(Path(config.trained))
+    print(f"network: {latest}", file=sys.stderr, flush=True)
+    return latest
 
 
 def _predictor(path: Path) -> Predictor:
@@ -110,19 +134,21 @@ class Source:
     epoch_s: float
 
 
-def _played(config: DictConfig, ending: threading.Event) -> Source:
+def _played(config: DictConfig, recording: Recording, ending: threading.Event) -> Source:
     """A recording; its rest frames lie between presses, so the first of them alone is the baseline."""
+    import numpy as np
+
     from ertskin.errors import UserError
     from ertskin.live.session import noise_of
     from ertskin.live.sources import scans_of_recording
-    from hardware.recording import read_recording
-    from physics.history import Phase
+    from ertskin.physics.history import Phase
+    from ertskin.physics.spikes import completed
 
-    recording = read_recording(Path(config.recording))
     frames, protocol = recording.frames, recording.protocol
     if frames is None or protocol is None:
         raise UserError(f"{config.recording}: holds no scans to play")
-    rest = frames.voltage_v[frames.history.phase == Phase.REST][:8]
+    rest = completed(protocol, frames.voltage_v[frames.history.phase == Phase.REST][:8].astype(float))
+    rest = rest[np.isfinite(rest).all(axis=(1, 2))]
     noise = noise_of(rest) if len(rest) > 1 else 0.0
     scans = scans_of_recording(frames, protocol, float(config.speed), ending)
     return Source("played", scans, recording.sensor, protocol, 1, noise, 0.0)

@@ -1,30 +1,36 @@
 """Record an indentation experiment on a bench, real or virtual.
 
-Presses the plan's places while force and scans are kept frame by frame. Stopped or killed, the same command goes on at
-the next press; ``dry_run=true`` prints the plan and how long it takes. ``plan=PATH`` takes the plan from a YAML file,
-or the presses a diagnosis asks for from its ``diagnosis.json``.
+Presses the plan's places while force and scans are kept frame by frame. Stopped or killed, the same command goes on
+with the press that was cut off, whole, and keeps its half beside the recording; ``dry_run=true`` prints the plan and
+how long it takes. ``plan=PATH`` takes the plan from a YAML file, or the presses a diagnosis asks for from its
+``diagnosis.json``. ``plan=next`` presses where that tells most about the skin, one press after another, until the
+accuracy stated is to be expected; it goes on with a recording that is there already.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
-from hardware.failure import InstrumentError
-from hardware.plan import PlanError
-from hardware.recording import Recording, RecordingError
+from ertskin.hardware.failure import InstrumentError
+from ertskin.hardware.plan import PlanError
+from ertskin.hardware.recording import Recording, RecordingError
 
 if TYPE_CHECKING:
     from omegaconf import DictConfig
     from rich.console import Console
 
-    from ertskin.bench.hands import Hands
+    from ertskin.bench.next_presses import NextPresses
     from ertskin.bench.opening import OpenBench
-    from hardware.experiment import Outcome
-    from hardware.plan import Plan
+    from ertskin.hardware.experiment import Outcome
+    from ertskin.hardware.plan import Plan
+    from ertskin.hardware.recorder import Recorder
+    from ertskin.physics.protocol import Protocol
+    from ertskin.physics.sensor import Sensor
 
 RESUME_GAP_S = 60.0
 """Seconds that pass, in a recording gone on with, between its last frame and the next at least."""
@@ -45,7 +51,6 @@ def run(config: DictConfig) -> None:
     from omegaconf import OmegaConf
     from rich.console import Console
 
-    from ertskin.bench.display import print_plan
     from ertskin.bench.opening import described, opened
     from ertskin.bench.plan_choice import chosen_plan
     from ertskin.errors import JobFailed, UserError
@@ -55,15 +60,18 @@ def run(config: DictConfig) -> None:
     console, path = Console(force_terminal=False if _sweeping() else None), Path(config.recording)
     fields = cast(dict[str, Any], OmegaConf.to_container(config, resolve=True))
     sensor, protocol = described(fields["sensor"])
-    plan = chosen_plan(fields["plan"], sensor)
+    asks = _asks(fields["plan"])
+    so_far = _added_to(path, sensor, protocol) if asks else None
+    plan = asks.next(so_far, sensor, path.name, _saying(console)) if asks and config.dry_run else None
+    plan = plan if asks else chosen_plan(fields["plan"], sensor)
     if config.dry_run:
-        print_plan(console, plan)
+        _tell_plan(console, plan, sensor)
         return
-    if path.exists():
+    if path.exists() and not asks:
         raise RecordingError(f"{path}: found a recording already there, expected a free name (nothing was overwritten)")
-    start_s = _last_frame_s(path) + RESUME_GAP_S if _half_done(path) else 0.0
+    start_s = _last_frame_s(path) + RESUME_GAP_S if _half_done(path) or so_far else 0.0
     try:
-        with opened(fields["rig"], sensor, protocol, start_s, purpose=plan.name) as bench:
+        with opened(fields["rig"], sensor, protocol, start_s, purpose=plan.name if plan else "next") as bench:
             header = Recording(
                 str(fields["rig"]["name"]),
                 _created(fields["rig"]),
@@ -74,7 +82,11 @@ def run(config: DictConfig) -> None:
                 bench.specimen,
             )
             with _guard(bench, fields["rig"]):
-                outcome = _record(bench, plan, path, header, start_s, console)
+                if asks:
+                    outcome = _record_next(bench, asks, path, so_far or header, start_s, console)
+                else:
+                    assert plan is not None
+                    outcome = _record(bench, plan, path, header, start_s, console)
             _seal(bench, path, fields["rig"])
     except PlanError as error:
         raise UserError(f"plan: {error}") from None
@@ -87,52 +99,154 @@ def run(config: DictConfig) -> None:
     _tell(console, path, outcome)
 
 
+def _asks(plan: dict[str, Any]) -> NextPresses | None:
+    if plan.get("kind") != "next":
+        return None
+    from ertskin.bench.next_presses import NextPresses
+
+    return NextPresses.of(plan)
+
+
+def _added_to(path: Path, sensor: Sensor, protocol: Protocol) -> Recording | None:
+    """The finished recording that presses are added to, where there is one."""
+    from ertskin.bench.next_presses import check_same_skin
+    from ertskin.hardware.recording import read_recording
+
+    if not path.exists():
+        return None
+    recording = read_recording(path)
+    check_same_skin(recording, sensor, protocol, str(path))
+    return recording
+
+
+def _saying(console: Console) -> Callable[[str], None]:
+    return lambda line: console.print(line, highlight=False, soft_wrap=True)
+
+
+def _tell_plan(console: Console, plan: Plan | None, sensor: Sensor) -> None:
+    from ertskin.bench.display import print_plan
+    from ertskin.errors import UserError
+    from ertskin.hardware.experiment import check_places
+
+    if plan is None:
+        return
+    try:
+        check_places(plan, sensor)
+    except PlanError as error:
+        raise UserError(f"plan: {error}") from None
+    print_plan(console, plan)
+
+
 def _record(bench: OpenBench, plan: Plan, path: Path, header: Recording, start_s: float, console: Console) -> Outcome:
+    from ertskin.hardware.experiment import check_plan
+
+    check_plan(plan, bench.rig)
+    if not _half_done(path):
+        header = _measured_before(bench, header, console)
+    return _carried_out(bench, plan, path, header, bench.rig.clock.now() - start_s, console)[1]
+
+
+def _record_next(
+    bench: OpenBench, asks: NextPresses, path: Path, header: Recording, start_s: float, console: Console
+) -> Outcome:
+    """Presses asked for one by one, each knowing those before it; every one leaves a finished recording behind.
+
+    ``header``: the recording they are added to, or one without frames.
+    """
+    from ertskin.errors import UserError
+    from ertskin.hardware.experiment import FAILED_PRESSES, Outcome, check_plan
+    from ertskin.hardware.recorder import half_done_plan
+
+    rig, total, surface_z_m, failures = bench.rig, Outcome(), None, 0
+    zero_s = rig.clock.now() - start_s
+    so_far = header
+    if so_far.frames is None and not _half_done(path):
+        so_far = _measured_before(bench, header, console)
+        if so_far.specimen is None:
+            raise UserError("plan=next foretells readings by the fabric's law: the rig needs specimen or specimen_run")
+    while True:
+        resumed = half_done_plan(path) if _half_done(path) else None
+        plan = resumed or asks.next(so_far, rig.sensor, path.name, _saying(console))
+        if plan is None:
+            return total
+        check_plan(plan, rig)
+        # What the load cell said while the next press was chosen is old.
+        rig.load_cell.discard()
+        so_far, outcome, surface_z_m = _carried_out(bench, plan, path, so_far, zero_s, console, surface_z_m)
+        total.add(outcome)
+        failures = failures + 1 if outcome.failed else 0
+        if failures == FAILED_PRESSES:
+            raise InstrumentError(f"{failures} presses in a row failed, the last one: {outcome.failed[-1]}")
+
+
+def _carried_out(
+    bench: OpenBench,
+    plan: Plan,
+    path: Path,
+    so_far: Recording,
+    zero_s: float,
+    console: Console,
+    surface_z_m: float | None = None,
+) -> tuple[Recording, Outcome, float]:
+    """The recording with the plan's presses, what came of them, and where the surface lies.
+
+    A half-done recording at ``path`` is gone on with; else the presses are added to ``so_far``, which may be without
+    frames. ``zero_s``: the bench's clock at the recording's time 0.
+    """
     from ertskin.bench.display import Display
     from ertskin.bench.hands import Person
-    from hardware.experiment import Experiment, check_plan
-    from hardware.recorder import Recorder, next_press
+    from ertskin.hardware.experiment import Experiment
 
     rig, hands = bench.rig, bench.hands or Person(console)
-    check_plan(plan, rig)
-    first = 0
-    if _half_done(path):
-        recorder, so_far = Recorder.resumed(path, plan)
-        first = next_press(so_far.frames)
-        console.print(f"going on at press {first + 1} of {len(plan.presses)}", highlight=False)
-    else:
-        header = _measured_before(bench, header, hands, console)
-        counts = rig.protocol.adc_volts_per_count is not None and hasattr(rig.reader, "identity")
-        recorder = Recorder(path, header, plan, rig.protocol.shape, counts)
+    recorder, first = _recorder(bench, plan, path, so_far, console)
     try:
-        with Display(console, plan, recorder.frames) as display:
+        with Display(console, plan, recorder.frames, recorder.before) as display:
             place_weights = display.stepping_aside(hands.place_weights)
-            experiment = Experiment(rig, recorder, rig.clock.now() - start_s, display.show, place_weights)
-            outcome = experiment.run(plan, first)
+            experiment = Experiment(rig, recorder, zero_s, display.show, place_weights)
+            outcome = experiment.run(plan, first, surface_z_m)
     except BaseException:
         recorder.close()
         raise
-    recorder.finish()
-    return outcome
+    return recorder.finish(), outcome, experiment.indenter.surface_z_m
+
+
+def _recorder(bench: OpenBench, plan: Plan, path: Path, so_far: Recording, console: Console) -> tuple[Recorder, int]:
+    """The recorder of ``_carried_out``, and the press to begin with."""
+    from ertskin.hardware.recorder import Recorder, next_press
+
+    if _half_done(path):
+        recorder, half = Recorder.resumed(path, plan)
+        first = max(plan.first, next_press(half.frames and half.frames[recorder.before :]))
+        console.print(f"going on at press {first + 1} of {plan.numbers.stop}", highlight=False)
+        if recorder.set_apart is not None:
+            console.print(f"its half that was cut off is kept in {recorder.set_apart}", highlight=False, soft_wrap=True)
+        return recorder, first
+    rig = bench.rig
+    counts = rig.protocol.adc_volts_per_count is not None and hasattr(rig.reader, "identity")
+    if so_far.frames is None:
+        return Recorder(path, so_far, plan, rig.protocol.shape, counts), plan.first
+    if (so_far.frames.adc_count is not None) != counts:
+        raise RecordingError(
+            f"{path}: found {'no ' if counts else ''}raw counts, expected them as this rig's reader has"
+        )
+    return Recorder.adding_to(path, so_far, plan), plan.first
 
 
 def _guard(bench: OpenBench, rig: dict[str, Any]) -> AbstractContextManager[None]:
     """Somebody to raise a real stage should this process be killed; a virtual one goes with it."""
-    from hardware.guardian import guarded
+    from ertskin.hardware.guardian import guarded
 
-    limits = bench.rig.limits
-    if bench.truth is not None:
-        return nullcontext()
-    return guarded(rig["stage"], limits.clearance_m + limits.depth_m, limits.travel_speed_m_s)
+    return nullcontext() if bench.truth is not None else guarded(bench.rig, rig["stage"])
 
 
-def _measured_before(bench: OpenBench, header: Recording, hands: Hands, console: Console) -> Recording:
+def _measured_before(bench: OpenBench, header: Recording, console: Console) -> Recording:
     """The header with the rigid-block run and the specimen test, where the bench has what they need."""
-    from hardware.indenter import Indenter
-    from hardware.rigid_block import press_rigid_block
-    from hardware.specimen_run import press_specimen
+    from ertskin.bench.hands import Person
+    from ertskin.hardware.indenter import Indenter
+    from ertskin.hardware.rigid_block import press_rigid_block
+    from ertskin.hardware.specimen_run import press_specimen
 
-    geometry = bench.rig.geometry
+    geometry, hands = bench.rig.geometry, bench.hands or Person(console)
     pressed = geometry.specimen_m is not None and bench.setup is not None and header.specimen is None
     if geometry.block_m is None and not pressed:
         return header
@@ -157,7 +271,7 @@ def _measured_before(bench: OpenBench, header: Recording, hands: Hands, console:
 def _seal(bench: OpenBench, path: Path, rig: dict[str, Any]) -> None:
     """Put what is hidden in a virtual skin where nobody looks by chance."""
     if bench.truth is not None and rig.get("sealed"):
-        from hardware.virtual.bench.sealing import seal
+        from ertskin.hardware.virtual.bench.sealing import seal
 
         seal(path, bench.truth, Path(rig["sealed"]), {"rig": rig["name"]})
 
@@ -181,21 +295,22 @@ def _sweeping() -> bool:
 
 
 def _half_done(path: Path) -> bool:
-    from hardware.recorder import part_of
+    from ertskin.hardware.recorder import part_of
 
     return part_of(path).exists()
 
 
 def _last_frame_s(path: Path) -> float:
-    from hardware.recorder import part_of
-    from hardware.recording import read_recording
+    """Of the half-done recording of ``path``, or the finished one."""
+    from ertskin.hardware.recorder import part_of
+    from ertskin.hardware.recording import read_recording
 
-    frames = read_recording(part_of(path)).frames
+    frames = read_recording(part_of(path) if _half_done(path) else path).frames
     return float(frames.history.time_s[-1]) if frames is not None and len(frames) else 0.0
 
 
 def _kept(path: Path) -> str:
-    from hardware.recorder import part_of
+    from ertskin.hardware.recorder import part_of
 
     return f"what was recorded is kept in {part_of(path)}, record again to go on"
 

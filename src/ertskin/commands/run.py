@@ -1,58 +1,133 @@
-"""The main job: from a recording to calibrated networks, their comparison and a report.
+"""The main job: from a recording to what its simulator lacked, calibrated networks without and with it, and a report.
 
-With ``recording=FILE`` and its tests ``one=FILE two=FILE``, or without any recorded on ``rig``, the virtual bench
-unless another is named. Every step is a command a person could type, and prints as such; what is done already is not
-done again.
+With ``recording=FILE`` and its tests ``one=FILE two=FILE anywhere=FILE``, or without any recorded on ``rig``, the
+virtual bench unless another is named. Every step is a command a person could type, and prints as such; what is done
+already is not done again.
 """
 
 from __future__ import annotations
 
+import json
 import time
+from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
-from omegaconf import DictConfig
-
-from ertskin.data.shards import request_key
+from ertskin.data.shards import file_sha256, request_key
+from ertskin.data.synthesis import planned
 from ertskin.errors import UserError
+from ertskin.settings import whole_number
 from ertskin.steps import run_step
+from ertskin.training.settings import trainer_settings
 
-PLANS = {"recording": "quick", "one": "one_point_test", "two": "two_point_test"}
+if TYPE_CHECKING:
+    from omegaconf import DictConfig
+
+PLANS = {"recording": "quick", "one": "one_point_test", "two": "two_point_test", "anywhere": "anywhere_test"}
 """Role of a recording in the job, and the plan the rig carries out for it."""
+ROLES = ("one", "two", "anywhere")
+"""Tests of a training recording."""
+OWN = (
+    *("recording", *ROLES, "models", "seeds", "between", "jobs", "recordings", "diagnose"),
+    *("yardsticks", "yardstick_seeds"),
+)
+"""Settings of this command itself; what else is typed is handed on."""
+
+
+@dataclass(frozen=True)
+class Found:
+    """Folder of a recording's diagnosis, and the choice of effects it wrote; None where there is none."""
+
+    folder: Path | None = None
+    effects: str | None = None
 
 
 def run(config: DictConfig) -> None:
-    """Record (unless a recording is given), calibrate, synthesize, train, evaluate."""
+    """Record (unless a recording is given), calibrate, diagnose, train without and with what was found, evaluate."""
     begun = time.monotonic()
+    for seed in config.seeds:
+        trainer_settings(config.trainer, seed)
+    planned(config.data.plan)
+    jobs = whole_number(config.jobs, "jobs", least=1)
     files = _recordings(config)
-    recording = f"recording={files['recording']}"
-    tests = [f"{role}={files[role]}" for role in ("one", "two") if files[role] is not None]
+    source = files["recording"]
+    assert source is not None
+    recording = f"recording={source}"
     settings = _handed_on()
-    run_step(["doctor", recording])
+    for role in ("recording", *ROLES):
+        if files.get(role) is not None:
+            run_step(["doctor", f"recording={files[role]}"])
     run_step(["calibrate", recording, *_accepted("calibrate", settings)])
-    run_step(["synthesize", recording, *_accepted("synthesize", settings)])
-    sweep = [f"model={','.join(config.models)}", f"seed={','.join(map(str, config.seeds))}"]
-    run_step(["train", "-m", recording, *sweep, *_accepted("train", settings), *_launcher(int(config.jobs))])
+    wanted = config.diagnose and not any(word.startswith("effects=") for word in settings)
+    found = _diagnosed(source, _accepted("diagnose", settings)) if wanted else Found()
+    _train(config, recording, settings, found.effects, jobs)
+    tests = [f"{role}={files[role]}" for role in ROLES if files.get(role) is not None]
     if tests:
-        run_step(["evaluate", recording, *tests, *_accepted("evaluate", settings)])
+        story = [] if found.folder is None else [f"diagnosis={found.folder}"]
+        if config.recording is None and config.rig.get("sealed"):
+            story.append(f"sealed={config.rig.sealed}")
+        _evaluate(config, recording, [*tests, *story, *_simulated_with(found.effects)], settings)
     else:
-        print("no test recording given (one=FILE two=FILE): nothing to evaluate on")
+        print("no test recording given (one=FILE two=FILE anywhere=FILE): nothing to evaluate on")
     print(f"\ndone in {time.monotonic() - begun:.0f} s; compare the runs with: ertskin dashboard")
+
+
+def _diagnosed(source: Path, settings: list[str]) -> Found:
+    """What the recording's diagnosis says; an earlier one of the same bytes stands."""
+    from ertskin.diagnosis.output.names import config_name
+
+    name = config_name(source)
+    folder = Path("runs/diagnose") / name
+    path = folder / "diagnosis.json"
+    checksum = file_sha256(source)
+    if not path.is_file() or _read(path).get("recording_sha256") != checksum:
+        run_step(["diagnose", f"recording={source}", *settings])
+    return Found(folder, name if _read(path)["effects"] else None)
+
+
+def _read(path: Path) -> dict[str, Any]:
+    return dict(json.loads(path.read_text(encoding="utf-8")))
+
+
+def _train(config: DictConfig, recording: str, settings: list[str], effects: str | None, jobs: int) -> None:
+    """Networks of the taxels on their trials and those of contacts anywhere on theirs, without and with ``effects``."""
+    accepted = _accepted("train", settings)
+    swept = [f"seed={','.join(map(str, config.seeds))}", *([f"effects=none,{effects}"] if effects else [])]
+    if config.models:
+        for choice in (None, effects) if effects else (None,):
+            run_step(["synthesize", recording, *_simulated_with(choice), *_accepted("synthesize", settings)])
+        model = f"model={','.join(config.models)}"
+        run_step(["train", "-m", recording, model, *swept, *accepted, *_launcher(jobs)])
+    if config.between.models:
+        # They learn from contacts anywhere, whatever the others learn from.
+        own = [word for word in accepted if not word.startswith(("data", "trainer"))]
+        model = f"model={','.join(config.between.models)}"
+        run_step(["train", "-m", recording, model, *swept, *own, *config.between.settings, *_launcher(jobs)])
+
+
+def _evaluate(config: DictConfig, recording: str, told: list[str], settings: list[str]) -> None:
+    beside = [f"yardsticks=[{','.join(config.yardsticks)}]", f"yardstick_seeds={config.yardstick_seeds}"]
+    run_step(["evaluate", recording, *told, *beside, *_accepted("evaluate", settings)])
+
+
+def _simulated_with(effects: str | None) -> list[str]:
+    return [f"effects={effects}"] if effects else []
 
 
 def _handed_on() -> list[str]:
     """What was typed that isn't a setting of this command itself."""
     from hydra.core.hydra_config import HydraConfig
 
-    own = ("recording=", "one=", "two=", "models=", "seeds=", "jobs=", "recordings=")
-    return [word for word in HydraConfig.get().overrides.task if not word.startswith(own)]
+    words = HydraConfig.get().overrides.task
+    return [word for word in words if word.lstrip("+~").split("=")[0].split(".")[0] not in OWN]
 
 
 def _recordings(config: DictConfig) -> dict[str, Path | None]:
-    given = {role: None if config[role] is None else Path(config[role]) for role in ("recording", "one", "two")}
+    given = {role: None if config[role] is None else Path(config[role]) for role in ("recording", *ROLES)}
     if given["recording"] is not None:
         return given
-    if given["one"] is not None or given["two"] is not None:
-        raise UserError("one= and two= are tests of a training recording: give recording=FILE too")
+    if any(given[role] is not None for role in ROLES):
+        raise UserError("one=, two= and anywhere= are tests of a training recording: give recording=FILE too")
     return _recorded(config)
 
 

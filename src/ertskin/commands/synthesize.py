@@ -12,10 +12,13 @@ from omegaconf import DictConfig
 
 def run(config: DictConfig) -> None:
     """Synthesize what is missing of ``config.data`` and say where it is."""
-    from ertskin.data.simulated import simulated_trials
-    from hardware.recording import read_recording
+    from ertskin.hardware.recording import read_recording
 
-    made = simulated_trials(config, read_recording(Path(config.recording)))
+    recording = read_recording(Path(config.recording))  # Refused before what follows loads for seconds.
+
+    from ertskin.data.simulated import simulated_trials
+
+    made = simulated_trials(config, recording)
     count = len(made.network)
     single = int((made.network.contacts == 1).sum())
     print(f"{single} one-point and {count - single} many-point trials, {len(made.denoiser)} for the denoiser")

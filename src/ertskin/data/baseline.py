@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ertskin.errors import UserError
-from physics.history import History, Phase
+from ertskin.physics.history import History, Phase
 
 Array = NDArray[np.float64]
 

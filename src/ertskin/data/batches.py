@@ -18,7 +18,8 @@ class Chunks:
     """
 
     def __init__(self, trials: TrialTensors, rows: Tensor, batch: int, batches: int, seed: int) -> None:
-        self.trials, self.rows, self.batch, self.size, self.seed = trials, rows, batch, batch * batches, seed
+        self.trials, self.rows, self.batch, self.batches, self.seed = trials, rows, batch, batches, seed
+        self.size = batch * batches
         self.epoch = self.position = 0
 
     def __len__(self) -> int:
@@ -35,11 +36,15 @@ class Chunks:
             yield Batches(self.trials, order[these], None if noise_rows is None else noise_rows[these], self.batch)
 
     def state_dict(self) -> dict[str, int]:
-        """Epoch and chunk that come next."""
-        return {"epoch": self.epoch, "position": self.position}
+        """Epoch and chunk that come next, and the mini-batches of a chunk."""
+        return {"epoch": self.epoch, "position": self.position, "batches": self.batches}
 
     def load_state_dict(self, state: dict[str, int]) -> None:
-        """Go on from there."""
+        """Go on from there; raises ``ValueError`` where the chunks were of another size."""
+        if state["batches"] != self.batches:
+            raise ValueError(
+                f"chunks of {state['batches']} mini-batches can't be gone on with in those of {self.batches}"
+            )
         self.epoch, self.position = state["epoch"], state["position"]
 
     def _drawn(self, epoch: int) -> tuple[Tensor, Tensor | None]:

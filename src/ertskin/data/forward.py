@@ -8,10 +8,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from physics.conduction.sheet import Solution, transfer_of
-from physics.effects.effect import ElectrodeEffect
-from physics.protocol import pair_resistances
-from physics.skin import TAIL, Skin
+from ertskin.physics.conduction.sheet import Solution, transfer_of
+from ertskin.physics.effects.effect import ElectrodeEffect
+from ertskin.physics.protocol import pair_resistances
+from ertskin.physics.skin import TAIL, Skin
 
 Array = NDArray[np.float64]
 Spot = tuple[NDArray[np.intp], Array]

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ertskin.data.trials import TrialSet
-from physics.noise.model import Noise
-from physics.protocol import Protocol
+from ertskin.physics.noise.model import Noise
+from ertskin.physics.protocol import Protocol
 
 Array = NDArray[np.float64]
 

@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ertskin.errors import UserError
-from physics.noise import GaussianNoise, MeasuredNoise, Noise, NoNoise, WhiteNoise
-from physics.protocol import Protocol
+from ertskin.physics.noise import GaussianNoise, MeasuredNoise, Noise, NoNoise, WhiteNoise
+from ertskin.physics.protocol import Protocol
+from ertskin.settings import check_limits
 
 Array = NDArray[np.float64]
 
@@ -33,6 +34,9 @@ def white(evidence: Evidence, std_v: float | None = None) -> Noise:
     """Independent readings with ``std_v`` volt each; measured on the rest frames where it isn't given."""
     if std_v is None:
         std_v = measured(evidence).std_v
+    if isinstance(std_v, bool) or not isinstance(std_v, (int, float)):
+        raise UserError(f"noise.std_v must be a number, not {std_v!r}")
+    check_limits(float(std_v), {"least": 0}, "noise.std_v")
     return WhiteNoise(evidence.protocol, std_v)
 
 

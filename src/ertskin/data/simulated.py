@@ -19,13 +19,13 @@ from ertskin.data.material import Material
 from ertskin.data.noise import Evidence
 from ertskin.data.shards import request_key
 from ertskin.data.skin_forward import SkinForward
-from ertskin.data.synthesis import Forward, Plan, synthesize
+from ertskin.data.synthesis import Forward, planned, synthesize
 from ertskin.data.touches import Touches, touches_of
 from ertskin.data.trials import TrialSet, joined
 from ertskin.errors import UserError
+from ertskin.hardware.recording import Recording, read_recording
+from ertskin.physics.history import Phase
 from ertskin.progress import counting
-from hardware.recording import Recording, read_recording
-from physics.history import Phase
 
 Array = NDArray[np.float64]
 
@@ -75,7 +75,7 @@ def simulated_trials(config: DictConfig, recording: Recording) -> SimulatedTrial
         raise UserError(f"{config.recording}: has no /protocol, so its readings can't be simulated")
     calibration, checksum = ready_calibration(config, recording)
     taxel_m = grid_m(config.grid, calibration.known_sensor)
-    plan = Plan(**plain(config.data.plan))
+    plan = planned(config.data.plan)
     # Presses that land beside their taxels are all at places of their own: nothing to put them together from.
     places_m = taxel_m if plan.jitter_m == 0 else None
     effects = plain(config.effects)

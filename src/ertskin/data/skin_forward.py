@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from functools import cached_property
 from typing import Any
 
@@ -10,13 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ertskin.calibration import Calibration
+from ertskin.cores import given_cores
 from ertskin.data.forward import PressForward
 from ertskin.data.trial_forward import TrialForward
 from ertskin.errors import UserError
-from physics.conduction.sheet import Resolution
-from physics.effects.registry import build_effects
-from physics.protocol import Protocol
-from physics.skin import Skin
+from ertskin.physics.conduction.sheet import Resolution
+from ertskin.physics.effects.registry import build_effects
+from ertskin.physics.protocol import Protocol
+from ertskin.physics.skin import Skin
 
 Array = NDArray[np.float64]
 
@@ -46,7 +46,7 @@ class SkinForward:
 
     def prepare(self) -> None:
         """Build it here and now, on all cores."""
-        self.built = self._built(os.cpu_count() or 1)
+        self.built = self._built(given_cores())
 
     @cached_property
     def built(self) -> PressForward | TrialForward:

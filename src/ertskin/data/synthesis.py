@@ -11,9 +11,11 @@ from typing import Protocol as Interface
 import numpy as np
 from numpy.typing import NDArray
 
+from ertskin.data.anywhere_plan import AnywherePlan
 from ertskin.data.shards import Arrays, ShardStore, fill
 from ertskin.data.trials import TrialSet
-from physics.trials import Trials, many_point, one_point
+from ertskin.physics.trials import Trials, many_point, one_point
+from ertskin.settings import checked, limited
 
 Array = NDArray[np.float64]
 # Streams of random trials that must never share a draw.
@@ -37,15 +39,15 @@ class Plan:
     taxel, 0 as in the paper. ``shard``: trials computed at a time.
     """
 
-    steps: int = 100
-    max_force_n: float = 10.0
-    min_force_n: float = 0.1
-    trials: int = 32_400
-    contacts: int = 2
-    denoiser_trials: int = 1800
-    jitter_m: float = 0.0
-    seed: int = 0
-    shard: int = 600
+    steps: int = limited(100, least=1)
+    max_force_n: float = limited(10.0, above=0)
+    min_force_n: float = limited(0.1, least=0)
+    trials: int = limited(32_400, least=0)
+    contacts: int = limited(2, least=1)
+    denoiser_trials: int = limited(1800, least=0)
+    jitter_m: float = limited(0.0, least=0)
+    seed: int = limited(0, least=0)
+    shard: int = limited(600, least=1)
 
     def presses(self, taxel_m: Array) -> tuple[Trials, Trials]:
         """The presses for the network (one-point, then many-point) and those for the denoiser."""
@@ -65,6 +67,17 @@ class Plan:
             jitter_m=self.jitter_m,
             seed=2 * self.seed + stream,
         )
+
+
+def planned(section: Any) -> Plan:
+    """The configuration's ``data.plan``; ``UserError`` for a wrong value."""
+    return checked(Plan, section, "data.plan")
+
+
+def check_plan(data: Any) -> None:
+    """``UserError`` for a wrong value in the ``plan`` of the configuration's ``data``, whichever kind it is of."""
+    if "plan" in data:
+        checked(AnywherePlan if "table" in data else Plan, data.plan, "data.plan")
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ertskin.data.forward import PressForward
-from physics.conduction.pressed_sheet import in_chunks
-from physics.conduction.sheet import Resolution, Solution
-from physics.conduction.trials import APART_M, FAR, Level, TrialSolver
+from ertskin.physics.conduction.pressed_sheet import in_chunks
+from ertskin.physics.conduction.sheet import Resolution, Solution
+from ertskin.physics.conduction.trials import APART_M, FAR, Level, TrialSolver
 
 Array = NDArray[np.float64]
 
@@ -39,7 +39,7 @@ class TrialForward:
     """Presses at ``places_m`` (C,2) with forces up to ``max_force_n``, each after a rest; other presses are solved.
 
     What a contact does alone is solved at ``resolution`` for some forces and interpolated; what contacts do together
-    comes from coarser meshes (``physics.conduction.trials``). ``build`` makes the skin at a resolution. ``workers``:
+    comes from coarser meshes (``physics/conduction/trials.py``). ``build`` makes the skin at a resolution. ``workers``:
     threads that solve, with the same result for any number.
     """
 

@@ -4,11 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from physics.protocol import Protocol
+from ertskin.physics.protocol import Protocol
+
+if TYPE_CHECKING:
+    from ertskin.data.touch_model import TouchModel
 
 Array = NDArray[np.float64]
 READINGS_AT_ONCE = 1024
@@ -21,7 +25,8 @@ class TrialSet:
     ``change_ohm`` (N,P): pair resistances of the pressed skin less those at rest. ``force_map_n`` (N,n): the force on
     each taxel, 0 where there is none. ``contact_m`` (N,C,2) and ``force_n`` (N,C): the contacts, NaN for an absent
     one. ``measured_v`` (N,R): for trials with a counterpart on the real skin, its measured change of the R readings;
-    rows of NaN, or no array at all, where there is none. Raises ``ValueError`` for lengths that differ.
+    rows of NaN, or no array at all, where there is none. ``touch``: the response the trials come from, where it is
+    tabulated. Raises ``ValueError`` for lengths that differ.
     """
 
     change_ohm: Array
@@ -29,9 +34,14 @@ class TrialSet:
     contact_m: Array
     force_n: Array
     measured_v: NDArray[np.floating] | None = None
+    touch: TouchModel | None = None
 
     def __post_init__(self) -> None:
-        lengths = {f.name: len(value) for f in fields(self) if (value := getattr(self, f.name)) is not None}
+        lengths = {
+            f.name: len(value)
+            for f in fields(self)
+            if (value := getattr(self, f.name)) is not None and f.name != "touch"
+        }
         if len(set(lengths.values())) > 1:
             raise ValueError(f"the arrays of a trial set must be equally long, got {lengths}")
 
@@ -42,7 +52,12 @@ class TrialSet:
         """The trials selected, as a set of their own."""
         measured = None if self.measured_v is None else self.measured_v[rows]
         return TrialSet(
-            self.change_ohm[rows], self.force_map_n[rows], self.contact_m[rows], self.force_n[rows], measured
+            self.change_ohm[rows],
+            self.force_map_n[rows],
+            self.contact_m[rows],
+            self.force_n[rows],
+            measured,
+            self.touch,
         )
 
     @property

@@ -1,14 +1,16 @@
-"""Which diagnosis fits a recording: a whole skin, a foam coupon alone, a tank without mechanics, or none."""
+"""Which diagnosis fits a recording: a whole skin, a foam coupon or a specimen alone, a tank, or none."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 
-from ertskin.diagnosis.claims import Diagnosis, HeldOut
-from ertskin.diagnosis.diagnose import Selector, diagnose
-from ertskin.diagnosis.findings import Findings
-from ertskin.diagnosis.selection import select
-from hardware.recording import Recording
+from threadpoolctl import threadpool_limits
+
+from ertskin.diagnosis.contract.claims import Diagnosis, HeldOut
+from ertskin.diagnosis.judge.result import Findings
+from ertskin.diagnosis.search.selection import select
+from ertskin.diagnosis.skin import Selector, diagnose
+from ertskin.hardware.recording import Recording
 
 Report = Callable[[float | None, str], None]
 
@@ -16,20 +18,29 @@ Report = Callable[[float | None, str], None]
 def diagnose_any(
     recording: Recording, name: str, report: Report, resolution: str = "fine", selector: Selector = select
 ) -> Findings:
-    """Diagnose whatever the recording holds; ``selector`` chooses a skin's effects."""
+    """Diagnose whatever the recording holds, with one BLAS thread in each thread; ``selector`` chooses the effects."""
+    with threadpool_limits(1, user_api="blas"):
+        return _diagnosed(recording, name, report, resolution, selector)
+
+
+def _diagnosed(recording: Recording, name: str, report: Report, resolution: str, selector: Selector) -> Findings:
     if recording.frames is None and recording.coupon is not None:
-        from ertskin.diagnosis.coupon import diagnose_coupon
+        from ertskin.diagnosis.coupon.diagnosis import diagnose_coupon
 
         return diagnose_coupon(recording.coupon, name)
+    if recording.frames is None and recording.specimen is not None:
+        from ertskin.diagnosis.specimen.diagnosis import diagnose_specimen
+
+        return diagnose_specimen(recording.specimen, name)
     if recording.frames is not None and recording.protocol is None:
         return _refused(name, "the recording has no protocol: what a reading means is unknown")
     pressed = recording.frames is not None and bool(recording.frames.history.touched.any())
     if recording.frames is not None and recording.sensor is not None and recording.specimen is None and not pressed:
-        from ertskin.diagnosis.tank import diagnose_tank
+        from ertskin.diagnosis.tank.diagnosis import diagnose_tank
 
         return diagnose_tank(recording, name)
     if recording.frames is None:
-        return _refused(name, "the recording holds neither frames nor a coupon")
+        return _refused(name, "the recording holds neither frames nor a coupon or specimen")
     return diagnose(recording, name, report, resolution, selector)
 
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ertskin.data.split import split
 from ertskin.data.touches import Touches
 from ertskin.evaluation.metrics import Score
+from ertskin.evaluation.novelty import novel_rate, novelty_of
 from ertskin.evaluation.outcome import Array, Outcome
 from ertskin.evaluation.predictions import evaluate_outcome, tuned_threshold_n
 from ertskin.evaluation.results import MethodResult, SeedResult
@@ -34,7 +35,8 @@ class TestFrames:
     """N touched frames to test on; n taxels, P pairs of electrodes, R readings.
 
     ``change_v`` (N,P): whitened changes, spikes left out. ``readings_v`` (N,R): the raw changes. ``true_map_n`` (N,n):
-    load-cell force on each taxel. ``contact_m`` (N,C,2): true places, NaN for none.
+    load-cell force on each taxel. ``contact_m`` (N,C,2): true places, NaN for none. ``zero_variance`` (N,): of the zero
+    that changes count from, in units of the noise's; ``rest_frames``: how many there are at least.
     """
 
     __test__ = False
@@ -44,6 +46,8 @@ class TestFrames:
     readings_v: Array
     true_map_n: Array
     contact_m: Array
+    zero_variance: Array
+    rest_frames: int
 
     @classmethod
     def of(cls, touches: Sequence[Touches], taxel_m: Array, within_m: float) -> TestFrames:
@@ -63,6 +67,8 @@ class TestFrames:
             np.concatenate([part.readings_v for part in touches], dtype=float),
             np.concatenate([part.force_map_n(taxel_m, within_m) for part in touches]),
             np.concatenate(places),
+            np.concatenate([part.zero_variance for part in touches]),
+            min(len(part.rest_v) for part in touches),
         )
 
     def outcome(self, map_n: Array, present: NDArray[np.bool_], located_m: Array | None = None) -> Outcome:
@@ -94,10 +100,14 @@ class Lesson:
         return cls(noisy_v[rows], maps_n[rows], noisy_v[held_out], maps_n[held_out])
 
 
-def network_result(name: str, trained: dict[int, Reconstruction], frames: TestFrames, note: str = "") -> MethodResult:
-    """A network's trainings by seed; one that reads raw readings gets them as they were read, spikes included."""
+def network_result(
+    name: str, trained: dict[int, Reconstruction], frames_of: Callable[[Reconstruction], TestFrames], note: str = ""
+) -> MethodResult:
+    """A network's trainings by seed, each on the test frames as it is to see them; one that reads raw readings gets
+    them as they were read, spikes included."""
     runs = []
     for seed, reconstruction in trained.items():
+        frames = frames_of(reconstruction)
         reads_coordinates = reconstruction.network.reads == "coordinates"
         estimate: Estimate = (
             reconstruction.estimate_coordinates(frames.change_v)
@@ -105,7 +115,8 @@ def network_result(name: str, trained: dict[int, Reconstruction], frames: TestFr
             else reconstruction.estimate(frames.readings_v)
         )
         outcome = frames.outcome(estimate.force_map_n, estimate.present, estimate.contact_m)
-        runs.append(SeedResult(seed, evaluate_outcome(outcome), outcome, reconstruction.about.get("run_id")))
+        scores = evaluate_outcome(outcome) | novel_rate(novelty_of(reconstruction, frames, estimate), frames.taxel_m)
+        runs.append(SeedResult(seed, scores, outcome, reconstruction.about.get("run_id")))
     return MethodResult(name, "network", tuple(runs), note)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from ertskin.data.discrepancy import Discrepancy
 from ertskin.data.synthesis import Forward
 from ertskin.evaluation.outcome import Array
-from physics.protocol import Protocol
+from ertskin.physics.protocol import Protocol
 
 
 class CorrectedForward:

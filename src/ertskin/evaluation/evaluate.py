@@ -2,36 +2,44 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from omegaconf import DictConfig
 
-from ertskin.calibration.ready import calibration_folder, ready_calibration
+from ertskin.calibration.ready import ready_calibration
 from ertskin.data.grid import spacing_m
 from ertskin.data.material import Material
 from ertskin.data.shards import file_sha256
 from ertskin.data.simulated import recorded_discrepancy, rising, simulated, simulated_trials
 from ertskin.data.skin_forward import SkinForward, skin_of
+from ertskin.data.sources import calibration_path
 from ertskin.data.synthesis import Forward
-from ertskin.data.touches import touches_of
+from ertskin.data.touches import Touches, touches_of
 from ertskin.errors import UserError
+from ertskin.evaluation.anywhere.evaluate import evaluate_anywhere, merged
 from ertskin.evaluation.benchmark import TestFrames, network_result
 from ertskin.evaluation.corrected_forward import CorrectedForward
+from ertskin.evaluation.followed import seen_by
 from ertskin.evaluation.panel import yardsticks
+from ertskin.evaluation.recordings import ANYWHERE_ROLE, EvaluatedRecordings
 from ertskin.evaluation.results import MethodResult, write_results
 from ertskin.evaluation.tracked import track
-from ertskin.evaluation.trained import finished_models, given_models, grouped, on_grid
+from ertskin.evaluation.trained import finished_models, given_models, grouped, on_grid, without_and_with
+from ertskin.hardware.recording import Recording
+from ertskin.hardware.virtual.bench.sealing import SealError, committed, unseal
+from ertskin.models.reconstruction import Reconstruction
+from ertskin.physics.conduction.sheet import Solution
 from ertskin.report.report import ReportInputs, write_report
+from ertskin.tracking.datasets import DatasetInfo
 from ertskin.tracking.run import source_commit
 from ertskin.tracking.settings import TrackingSettings
-from hardware.recording import Recording, read_recording
-from physics.conduction.sheet import Solution
 
 Say = Callable[[str], None]
-ROLES = {"one": "one-point test", "two": "two-point test"}
+DIAGNOSIS = "diagnosis.json"
 
 
 @dataclass(frozen=True)
@@ -44,45 +52,101 @@ class Evaluation:
     remarks: tuple[str, ...] = ()
 
 
-def evaluate(config: DictConfig, say: Say = lambda line: None) -> Evaluation:
-    """Carry out ``conf/evaluate.yaml``; ``say`` gets a line before each step.
+def evaluate(config: DictConfig, files: EvaluatedRecordings, say: Say = lambda line: None) -> Evaluation:
+    """Carry out ``conf/evaluate.yaml`` on ``files``; ``say`` gets a line before each step.
 
-    Raises ``UserError`` where there is no test recording or no trained network for its taxels.
+    Raises ``UserError`` where there is no trained network for the tests' taxels.
     """
-    source, tracking = Path(config.recording), TrackingSettings.of(config.tracking)
-    named = {role: Path(config[key]) for key, role in ROLES.items() if config[key] is not None}
-    if not named:
-        raise UserError("nothing to test on: give one=FILE (single presses), two=FILE (two weights), or both")
-    recordings = {"training": read_recording(source)} | {role: read_recording(path) for role, path in named.items()}
-    say("simulated trials")
-    material = simulated(config)
-    frames = _frames(recordings, material)
+    source, named, tracking = files.source, files.test_paths, TrackingSettings.of(config.tracking)
+    story = Story.of(config)
+    recordings = {"training": files.training} | files.tests
     found = finished_models(Path(config.trained), source) if config.models is None else None
     models = given_models(list(config.models), tracking) if found is None else found
+    methods: list[MethodResult] = []
+    remarks: list[str] = []
+    checksum = None
+    on_taxels = {role: recording for role, recording in recordings.items() if role != ANYWHERE_ROLE}
+    if len(on_taxels) > 1:
+        methods, remarks, checksum = _on_taxels(config, on_taxels, models, say)
+    groups = grouped(models)
+    if ANYWHERE_ROLE in recordings:
+        anywhere, more = evaluate_anywhere(config, recordings[ANYWHERE_ROLE], groups, say)
+        methods, remarks = merged(methods, anywhere), remarks + more
+        methods.sort(key=lambda method: method.kind != "network")
+    say("report")
+    out = Path(config.out) if config.out else Path("runs/evaluate") / f"{source.stem}{_grid(config)}"
+    about = _about(source, named, checksum)
+    results, table = write_results(out, methods, about)
+    inputs = _inputs(config, source, recordings, methods, about)
+    report = write_report(
+        out / "report.html",
+        replace(inputs, diagnosis=story.diagnosis, pairs=without_and_with(groups), hidden=story.hidden),
+    )
+    say("tracking")
+    tests = [DatasetInfo(path.name, file_sha256(path), "test", path) for path in named.values()]
+    track(tracking, methods, [report, results, table], about, tests)
+    return Evaluation(tuple(methods), report, results, tuple(remarks))
+
+
+@dataclass(frozen=True)
+class Story:
+    """What a report says besides the scores: the folder of the recording's diagnosis, and what its seal held."""
+
+    diagnosis: Path | None
+    hidden: tuple[dict[str, dict[str, Any]], str] | None
+
+    @classmethod
+    def of(cls, config: DictConfig) -> Story:
+        """As ``config.diagnosis`` and ``config.sealed`` name them; ``UserError`` where either isn't there."""
+        diagnosis = None if config.diagnosis is None else Path(config.diagnosis)
+        if diagnosis is not None and not (diagnosis / DIAGNOSIS).is_file():
+            raise UserError(f"{diagnosis}: no {DIAGNOSIS} in it; name the folder that ertskin diagnose wrote into")
+        if config.sealed is None:
+            return cls(diagnosis, None)
+        try:
+            truth, _ = unseal(Path(config.recording), Path(config.sealed))
+        except SealError as error:
+            raise UserError(str(error)) from None
+        hidden = {name: dict(effect["parameters"]) for name, effect in truth.effects.items()}
+        return cls(diagnosis, (hidden, committed(Path(config.recording))))
+
+
+def _on_taxels(
+    config: DictConfig, recordings: dict[str, Recording], models: list[Reconstruction], say: Say
+) -> tuple[list[MethodResult], list[str], str]:
+    """Networks of this grid and yardsticks on presses of taxels, what a person should know, and the data's checksum."""
+    say("simulated trials")
+    material = simulated(config)
+    tests = [recording for role, recording in recordings.items() if role != "training"]
+    zeroed = [touches_of(recording) for recording in tests]
+    frames = _frames(zeroed, material)
     fitting = on_grid(models, material.taxel_m)
     if not fitting:
         raise UserError(f"none of {len(models)} models answers for the {len(material.taxel_m)} taxels of this grid")
     remarks = [] if len(fitting) == len(models) else [f"{len(models) - len(fitting)} models of other grids left out"]
     methods = []
+
+    def as_seen(one: Reconstruction) -> TestFrames:
+        seen = [seen_by(one, *pair, bool(config.follow)) for pair in zip(tests, zeroed, strict=True)]
+        remarks.extend(line for _, lines in seen for line in lines if line not in remarks)
+        return _frames([touches for touches, _ in seen], material)
+
     for name, trained in grouped(fitting).items():
         say(name)
-        methods.append(network_result(name, trained, frames))
+        methods.append(network_result(name, trained, as_seen))
     methods.sort(key=_rank)
     forward, rest = _physics(config, recordings["training"], material)
     seeds = range(int(config.yardstick_seeds))
     methods += yardsticks(list(config.yardsticks), material, forward, rest, frames, seeds, say)
-    say("report")
-    out = Path(config.out) if config.out else Path("runs/evaluate") / source.stem
-    about = _about(source, named, material)
-    results, table = write_results(out, methods, about)
-    report = write_report(out / "report.html", _inputs(config, source, recordings, methods, about))
-    say("tracking")
-    track(tracking, methods, [report, results, table], about)
-    return Evaluation(tuple(methods), report, results, tuple(remarks))
+    return methods, remarks, material.checksum
 
 
-def _frames(recordings: dict[str, Recording], material: Material) -> TestFrames:
-    tests = [touches_of(recording) for role, recording in recordings.items() if role != "training"]
+def _grid(config: DictConfig) -> str:
+    """What tells the reports of different grids apart; nothing for the recording's own taxels."""
+    return "" if config.grid.columns is None else f"-{config.grid.columns}x{config.grid.rows}"
+
+
+def _frames(tests: Sequence[Touches], material: Material) -> TestFrames:
     if any(test.protocol.design.shape != material.protocol.design.shape for test in tests):
         raise UserError("a test recording was scanned with another protocol than the training recording")
     return TestFrames.of(tests, material.taxel_m, 0.5 * spacing_m(material.taxel_m))
@@ -117,11 +181,11 @@ def _rank(method: MethodResult) -> tuple[float, float]:
     return -hits, float(np.nansum(errors))
 
 
-def _about(source: Path, named: dict[str, Path], material: Material) -> dict[str, object]:
+def _about(source: Path, named: dict[str, Path], checksum: str | None) -> dict[str, object]:
     files = {"training": source} | named
     return {
         "files": {role: {"name": path.name, "sha256": file_sha256(path)} for role, path in files.items()},
-        "data_checksum": material.checksum,
+        "data_checksum": checksum,
         "commit": source_commit(),
     }
 
@@ -134,8 +198,7 @@ def _inputs(
     about: dict[str, object],
 ) -> ReportInputs:
     calibration, _ = ready_calibration(config, recordings["training"])
-    given = config.calibration.file
-    figures = calibration_folder(Path(config.calibration.folder), source) if given is None else Path(given).parent
+    figures = calibration_path(config).parent
     return ReportInputs(
         f"{recordings['training'].rig}: calibration and evaluation",
         methods,

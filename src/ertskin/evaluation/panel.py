@@ -15,7 +15,7 @@ from ertskin.evaluation.results import MethodResult
 from ertskin.evaluation.yardsticks import GaussNewtonImaging, KernelRidge, MaximumLikelihood, Mean, Ridge
 from ertskin.evaluation.yardsticks.forward import Response
 from ertskin.evaluation.yardsticks.imaging_jacobian import imaging_jacobian
-from physics.conduction.sheet import Solution
+from ertskin.physics.conduction.sheet import Solution
 
 YARDSTICKS = ("mean", "ridge", "kernel_ridge", "imaging", "oracle", "bound")
 LEVELS = 24

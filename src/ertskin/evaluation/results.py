@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import io
 import json
-import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,12 +12,16 @@ from typing import Any, Literal
 
 import numpy as np
 
+from ertskin.evaluation.contact_outcome import ContactOutcome
 from ertskin.evaluation.metrics import Score
 from ertskin.evaluation.outcome import Array, Outcome
 from ertskin.evaluation.predictions import as_plain
+from ertskin.files import write_whole
 
 Kind = Literal["network", "yardstick", "bound"]
 FORMAT, FORMAT_VERSION = "ertskin-evaluation", 1
+ANYWHERE = ("count_rate", "location_error_mm", "force_error_n", "missed", "invented", "coverage", "novel_rate")
+"""Metrics of touches anywhere, each by the number of contacts: ``count_rate_1``."""
 PAPER = {
     "hit_rate_one": (0.82, 0.12),
     "force_rmse_one_n": (0.51, 0.72),
@@ -31,12 +34,14 @@ PAPER = {
 
 @dataclass(frozen=True, eq=False)
 class SeedResult:
-    """One training of a method: its scores by metric name, what it said of the test frames, and its MLflow run."""
+    """One training of a method: its scores by metric name, what it said of the test frames, its MLflow run, and what it
+    said of touches anywhere."""
 
     seed: int
     scores: dict[str, Score]
     outcome: Outcome | None = None
     run_id: str | None = None
+    contacts: ContactOutcome | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,9 +68,10 @@ class MethodResult:
 
 
 def metric_names(methods: Sequence[MethodResult]) -> list[str]:
-    """Every metric some method has, the paper's first."""
+    """Every metric some method has, the paper's first, those of touches anywhere by the number of contacts."""
     known = {name for method in methods for run in method.runs for name in run.scores}
-    return [name for name in (*PAPER, "location_error_mm") if name in known]
+    first = [name for name in (*PAPER, "location_error_mm", "novel_rate") if name in known]
+    return first + sorted(known - set(first), key=lambda name: (name[-1], ANYWHERE.index(name[:-2])))
 
 
 def write_results(folder: Path, methods: Sequence[MethodResult], about: dict[str, Any]) -> tuple[Path, Path]:
@@ -79,8 +85,8 @@ def write_results(folder: Path, methods: Sequence[MethodResult], about: dict[str
         "methods": [method.plain() for method in methods],
     }
     as_json, as_csv = folder / "evaluation.json", folder / "evaluation.csv"
-    _replace(as_json, json.dumps(content, indent=1))
-    _replace(as_csv, _table(methods))
+    write_whole(as_json, json.dumps(content, indent=1))
+    write_whole(as_csv, _table(methods))
     return as_json, as_csv
 
 
@@ -96,9 +102,3 @@ def _table(methods: Sequence[MethodResult]) -> str:
             written = [f"{number:.6g}" if np.isfinite(number) else "" for number in numbers]
             writer.writerow([method.name, method.kind, metric, len(values), *written])
     return stream.getvalue()
-
-
-def _replace(path: Path, text: str) -> None:
-    aside = path.with_name(path.name + ".part")
-    aside.write_text(text, encoding="utf-8")
-    os.replace(aside, path)

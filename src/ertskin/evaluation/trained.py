@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,23 +12,20 @@ from numpy.typing import NDArray
 
 from ertskin.errors import UserError
 from ertskin.models.reconstruction import Reconstruction
-from ertskin.tracking.model import load_model
+from ertskin.tracking.model import model_file
 from ertskin.tracking.run import flattened
 from ertskin.tracking.settings import TrackingSettings
 
 Array = NDArray[np.float64]
 Group = dict[int, Reconstruction]
+EFFECTS = "effects"
 # Parts of a training's configuration that don't make it another method.
 ASIDE = ("seed", "tracking", "out", "cluster", "recording", "calibration", "experiment")
 
 
 def given_models(names: Sequence[str], tracking: TrackingSettings) -> list[Reconstruction]:
     """Models named by a file, by the folder of a job, or by the id of an MLflow run."""
-    found = []
-    for name in names:
-        path = Path(name) / "model.pt" if Path(name).is_dir() else Path(name)
-        found.append(Reconstruction.load(path) if path.is_file() else load_model(tracking, name))
-    return found
+    return [Reconstruction.load(model_file(name, tracking)) for name in names]
 
 
 def finished_models(folder: Path, recording: Path) -> list[Reconstruction]:
@@ -57,17 +54,51 @@ def on_grid(models: Sequence[Reconstruction], taxel_m: Array) -> list[Reconstruc
 
 
 def grouped(models: Sequence[Reconstruction]) -> dict[str, Group]:
-    """Name -> seed -> model. Trainings that differ in more than the seed get names that say in what."""
-    configs = [{k: v for k, v in flattened(_config(model)).items() if k.split(".")[0] not in ASIDE} for model in models]
+    """Name -> seed -> model. Trainings that differ in more than the seed get names that say in what.
+
+    Of effects the name says which were simulated, not their parameters.
+    """
+    configs = [_compared(model) for model in models]
     groups: dict[str, Group] = {}
     for model, config in zip(models, configs, strict=True):
         name = str(config.get("model.name", type(model.network).__name__))
         alike = [other for other in configs if other.get("model.name") == config.get("model.name")]
-        differing = [key for key in config if any(other.get(key) != config[key] for other in alike)]
-        words = ", ".join(f"{key.removeprefix('model.')} {config[key]}" for key in sorted(differing))
-        seeds = groups.setdefault(f"{name} ({words})" if words else name, {})
+        differing = {key for key in config if any(other.get(key) != config[key] for other in alike)}
+        words = [f"{key.removeprefix('model.')} {config[key]}" for key in sorted(differing) if key != EFFECTS]
+        if EFFECTS in differing and config[EFFECTS]:
+            words.insert(0, f"with {config[EFFECTS]}")
+        seeds = groups.setdefault(f"{name} ({', '.join(words)})" if words else name, {})
         seeds[int(_config(model).get("seed", len(seeds)))] = model
     return groups
+
+
+def without_and_with(groups: Mapping[str, Group]) -> list[tuple[str, str]]:
+    """Pairs of names of ``grouped`` that differ in the effects alone: simulated without any, and with some."""
+    plain: dict[str, str] = {}
+    for name, seeds in groups.items():
+        model = next(iter(seeds.values()))
+        if not _effects(model):
+            plain[_kind(model)] = name
+    found = []
+    for name, seeds in groups.items():
+        model = next(iter(seeds.values()))
+        if _effects(model) and _kind(model) in plain:
+            found.append((plain[_kind(model)], name))
+    return found
+
+
+def _compared(model: Reconstruction) -> dict[str, Any]:
+    """What tells one method from another, flat: of effects their names, and their parameters by name."""
+    flat = {k: v for k, v in flattened(_config(model)).items() if k.split(".")[0] not in ASIDE}
+    return {k: v for k, v in flat.items() if not k.startswith(f"{EFFECTS}.")} | {EFFECTS: ", ".join(_effects(model))}
+
+
+def _kind(model: Reconstruction) -> str:
+    return repr(sorted((key, str(value)) for key, value in _compared(model).items() if key != EFFECTS))
+
+
+def _effects(model: Reconstruction) -> tuple[str, ...]:
+    return tuple(_config(model).get(EFFECTS) or ())
 
 
 def _config(model: Reconstruction) -> dict[str, Any]:
@@ -79,5 +110,5 @@ def _same(named: str | None, recording: Path) -> bool:
 
 
 def _taxels_equal(model: Reconstruction, taxel_m: Array) -> bool:
-    own = np.asarray(model.network.taxel_m, dtype=float)
+    own = model.network.answers_m
     return own.shape == taxel_m.shape and np.allclose(own, taxel_m, atol=1e-6)

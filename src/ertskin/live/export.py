@@ -17,6 +17,8 @@ import torch
 from torch import Tensor, nn
 
 from ertskin.errors import UserError
+from ertskin.live.predictor import TABLE_SUFFIX
+from ertskin.models.contacts import ContactsNetwork
 from ertskin.models.denoiser import Denoiser
 from ertskin.models.masked import MaskedNetwork
 from ertskin.models.network import Network
@@ -92,9 +94,11 @@ def export_onnx(reconstruction: Reconstruction, path: Path) -> None:
     protocol, network = reconstruction.protocol, reconstruction.network
     module = _module(reconstruction).eval().float()
     readings = protocol.shape[0] * protocol.shape[1]
-    outputs = (
-        ["probability", "force_n", "place_m"] if isinstance(network, PlacesNetwork) else ["probability", "force_n"]
-    )
+    outputs = ["probability", "force_n"]
+    if isinstance(network, PlacesNetwork):
+        outputs.append("place_m")
+    if isinstance(network, ContactsNetwork):
+        outputs.append("whitened")
     aside = path.with_name(path.name + ".part")
     path.parent.mkdir(parents=True, exist_ok=True)
     # The exporter that needs no further package does not know this one function, which ONNX has.
@@ -112,6 +116,10 @@ def export_onnx(reconstruction: Reconstruction, path: Path) -> None:
             dynamic_axes={name: {0: "frames"} for name in [INPUT, *outputs]},
         )
     _describe(aside, _about(reconstruction))
+    beside = {} if reconstruction.monitor is None else reconstruction.monitor.held()
+    if isinstance(network, ContactsNetwork):
+        beside |= network.held() | {"least_force_n": network.least_force_n, "most": network.most}
+    _write_beside(path.with_suffix(TABLE_SUFFIX), beside)
     os.replace(aside, path)
 
 
@@ -128,7 +136,8 @@ def _module(reconstruction: Reconstruction) -> nn.Module:
 def _answers(network: Network, whitened: Tensor) -> tuple[Tensor, ...]:
     if isinstance(network, PlacesNetwork):
         logit, force, offset = network.layers_out(whitened)
-        return torch.sigmoid(logit), force, network.taxel_m + network.spacing_m * offset
+        votes = torch.sigmoid(logit), force, network.taxel_m + network.spacing_m * offset
+        return (*votes, whitened) if isinstance(network, ContactsNetwork) else votes
     if isinstance(network, TouchNetwork):
         logit, force = network.layers_out(whitened)
         return torch.sigmoid(logit), force
@@ -137,15 +146,26 @@ def _answers(network: Network, whitened: Tensor) -> tuple[Tensor, ...]:
 
 def _about(reconstruction: Reconstruction) -> dict[str, Any]:
     network = reconstruction.network
-    places = isinstance(network, PlacesNetwork)
+    kind = "places" if isinstance(network, PlacesNetwork) else "touch"
+    contacts = isinstance(network, ContactsNetwork)
     return {
-        "kind": "places" if places else "touch",
+        "kind": "contacts" if contacts else kind,
         "shape": list(reconstruction.protocol.shape),
-        "taxel_m": np.asarray(network.taxel_m, dtype=float).tolist(),
+        "taxel_m": network.answers_m.tolist(),
         "threshold": float(network.threshold),  # type: ignore[arg-type]
         "spacing_m": float(network.spacing_m) if isinstance(network, PlacesNetwork) else None,
         "run_id": reconstruction.about.get("run_id"),
     }
+
+
+def _write_beside(path: Path, held: dict[str, Any]) -> None:
+    """What the graph can't hold: the monitor, and the forward model that decides what it proposes."""
+    if not held:
+        return
+    aside = path.with_name(path.name + ".part")
+    with aside.open("wb") as stream:
+        np.savez(stream, **held)
+    os.replace(aside, path)
 
 
 def _describe(path: Path, about: dict[str, Any]) -> None:

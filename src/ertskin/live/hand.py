@@ -6,9 +6,9 @@ import threading
 
 import numpy as np
 
-from hardware.failure import InstrumentError
-from hardware.indenter import Indenter
-from hardware.rig import Rig
+from ertskin.hardware.failure import InstrumentError
+from ertskin.hardware.indenter import Indenter
+from ertskin.hardware.rig import Rig
 
 DEEPEST_M = 3.5e-3
 

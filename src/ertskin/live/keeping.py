@@ -8,14 +8,14 @@ from pathlib import Path
 
 import numpy as np
 
+from ertskin.hardware.instrument import Scan
+from ertskin.hardware.plan import Plan
+from ertskin.hardware.recorder import FrameEntry, Recorder
+from ertskin.hardware.recording import Recording
 from ertskin.live.session import LiveFrame
-from hardware.instrument import Scan
-from hardware.plan import Plan
-from hardware.recorder import FrameEntry, Recorder
-from hardware.recording import Recording
-from physics.history import Phase
-from physics.protocol import Protocol
-from physics.sensor import Sensor
+from ertskin.physics.history import Phase
+from ertskin.physics.protocol import Protocol
+from ertskin.physics.sensor import Sensor
 
 
 class Keeper:

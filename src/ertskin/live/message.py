@@ -4,7 +4,10 @@
 ``force``, in metres and newton in the skin's frame, z out of it, so that a press has a negative z; ``force_map`` is a
 ``std_msgs/Float64MultiArray`` over the taxels, their places being ``taxel_m``. Beside them ``frame``, ``latency_s``,
 ``rate_hz``, ``drift`` (in units of the noise), ``zeroing``, ``recorded_frames`` (null while nothing is recorded) and
-``warnings``. Stamps are of the system's time, of a recording's own time where one is played.
+``warnings``. Of a network that knows its skin (else null): ``novelty``, how unlike the frames it was trained on this
+one is, beyond 1 by chance as often as ``novelty_false_alarms`` says; ``sheet_change``, relative, of the resting sheet
+since its calibration. ``left``: whether the skin has left what was trained for. Stamps are of the system's time, of a
+recording's own time where one is played.
 
 Where the reader fails, a line holds ``header`` and ``fault``, what happened in words, and nothing else.
 """
@@ -14,6 +17,7 @@ from __future__ import annotations
 import json
 
 from ertskin.live.session import Array, LiveFrame
+from ertskin.models.novelty import FALSE_ALARMS
 
 FRAME_ID = "skin"
 
@@ -42,6 +46,10 @@ def message_of(
         "rate_hz": round(frame.rate_hz, 3),
         "drift": round(frame.drift, 3),
         "zeroing": frame.zeroing,
+        "novelty": None if frame.novelty is None else round(frame.novelty, 3),
+        "novelty_false_alarms": None if frame.novelty is None else FALSE_ALARMS,
+        "left": frame.left,
+        "sheet_change": None if frame.sheet_change is None else round(frame.sheet_change, 6),
         "recorded_frames": recorded_frames,
         "warnings": frame.warnings,
     }

@@ -11,18 +11,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ertskin.errors import UserError
+from ertskin.models.deciding import estimate_of, posterior_of, proposals
 from ertskin.models.estimate import Estimate
+from ertskin.models.monitor import SkinMonitor
 from ertskin.models.votes import counted, on_taxels
+from ertskin.physics.touch.search import TouchPosterior
 
 Array = NDArray[np.float64]
 ABOUT = "ertskin"
+TABLE_SUFFIX = ".npz"
+"""Of the arrays beside an exported network: its monitor, and the forward model of one that proposes contacts."""
 
 
 @dataclass(frozen=True)
 class Kind:
     """What the numbers of a model mean: as exported beside its graph."""
 
-    places: bool
+    kind: str
     shape: tuple[int, int]
     taxel_m: Array
     threshold: float
@@ -48,12 +53,21 @@ class Predictor:
             # onnxruntime raises classes of its own for each way a file can be bad.
             raise UserError(f"{path} is no exported model: {str(error).splitlines()[0]}") from None
 
+        held = _held_beside(path)
+        self.monitor = SkinMonitor.of(held)
+        self._posterior = _posterior(path, held) if self.kind.kind == "contacts" else None
+
     def estimate(self, change_v: NDArray[np.floating]) -> Estimate:
         """Touches of (N,K,M) or (N,R) changes of the raw readings against rest, in volt."""
         flat = np.ascontiguousarray(change_v, dtype=np.float32).reshape(len(change_v), -1)
         answers: list[Any] = self._session.run(None, {"change_v": flat})
         probability, force = (answer.astype(float) for answer in answers[:2])
-        if self.kind.places:
+        if self._posterior is not None:
+            place_m = answers[2].astype(float)
+            settings = (self.kind.spacing_m, self.kind.threshold, self._posterior.most)
+            proposed = proposals(probability, force, place_m, *settings)
+            return estimate_of(self._posterior.of(answers[3].astype(float), proposed), self.kind.taxel_m)
+        if self.kind.kind == "places":
             votes = zip(probability, force, answers[2].astype(float), strict=True)
             radius = 0.5 * self.kind.spacing_m
             found = [counted(*vote, radius_m=radius, threshold=self.kind.threshold) for vote in votes]
@@ -62,10 +76,29 @@ class Predictor:
         return Estimate(present * force, present)
 
 
+def _held_beside(path: Path) -> dict[str, Any]:
+    """The arrays exported with a network: its monitor's, and the forward model of one that proposes contacts."""
+    beside = path.with_suffix(TABLE_SUFFIX)
+    if not beside.is_file():
+        return {}
+    with np.load(beside, allow_pickle=False) as held:
+        return dict(held)
+
+
+def _posterior(path: Path, held: dict[str, Any]) -> TouchPosterior:
+    """The forward model of a network that proposes contacts."""
+    if "response" not in held:
+        raise UserError(
+            f"{path} needs the table exported with it, and there is none in {path.with_suffix(TABLE_SUFFIX)}"
+        )
+    # No scan may wait for a long search: what fits poorly shows in the misfit.
+    return posterior_of(held, float(held["least_force_n"]), int(held["most"]), exchanges=0)
+
+
 def _kind(about: dict[str, Any]) -> Kind:
     injections, readings = about["shape"]
     return Kind(
-        about["kind"] == "places",
+        str(about["kind"]),
         (int(injections), int(readings)),
         np.array(about["taxel_m"], dtype=float).reshape(-1, 2),
         float(about["threshold"]),

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ertskin.hardware.instrument import Scan
 from ertskin.live.predictor import Predictor
+from ertskin.live.watch import Watch
 from ertskin.models.estimate import Estimate
-from hardware.instrument import Scan
 
 Array = NDArray[np.float64]
 DRIFT_NOISES = 3.0
@@ -22,6 +23,12 @@ TOUCH_SHARE, TOUCH_SIGMAS = 0.05, 6.0
 gives is no touch. No trial a network learns from is untouched: asked about noise, it finds something in it."""
 SPIKE_SIGMAS = 4.0
 """Beyond so many times the noise a reading counts as no more than that: a spike is no touch either."""
+
+
+LEFT = (
+    "the skin has left what the network was trained for: frames beyond the limit that one in 1000 exceeds by chance; "
+    "zero again, and if that does not help, calibrate and train again"
+)
 
 
 @dataclass(frozen=True)
@@ -35,7 +42,12 @@ class Contact:
 
 @dataclass(frozen=True, eq=False)
 class LiveFrame:
-    """One scan's outcome. ``latency_s``: from the scan in memory to the force map; ``rate_hz``: scans a second."""
+    """One scan's outcome. ``latency_s``: from the scan in memory to the force map; ``rate_hz``: scans a second.
+
+    Of a network that knows its skin: ``novelty``, how unlike frames it was trained on this one is, 1 being what one in
+    a thousand exceeds by chance; ``sheet_change``, relative, since the calibration; ``left``, whether the skin has left
+    what was trained for.
+    """
 
     number: int
     time_s: float
@@ -47,6 +59,9 @@ class LiveFrame:
     lost: int
     saturated: float
     zeroing: bool
+    novelty: float | None = None
+    sheet_change: float | None = None
+    left: bool = False
 
     @property
     def warnings(self) -> list[str]:
@@ -56,6 +71,8 @@ class LiveFrame:
             found.append("zeroing: do not touch")
         if self.drift > DRIFT_NOISES:
             found.append(f"readings have drifted by {self.drift:.1f} times their noise: zero again")
+        if self.left:
+            found.append(LEFT)
         if self.saturated > 0:
             found.append(f"{100 * self.saturated:.2g} % of readings saturated")
         if self.lost:
@@ -66,12 +83,17 @@ class LiveFrame:
 class Session:
     """Follows one skin. Begins with zeroing."""
 
-    def __init__(self, predictor: Predictor, zero_scans: int = 4, noise_v: float = 0.0) -> None:
+    def __init__(
+        self, predictor: Predictor, zero_scans: int = 4, noise_v: float = 0.0, watch: Watch | None = None
+    ) -> None:
         """``zero_scans``: untouched scans a baseline is the mean of. ``noise_v``: noise of a reading, which several of
-        them tell by themselves; where it is not known every scan counts as touched."""
+        them tell by themselves; where it is not known every scan counts as touched. ``watch`` follows the resting skin
+        and tells strange frames; without it changes count from the zero alone."""
         self._predictor = predictor
+        self._watch = watch
         self._zero_scans = zero_scans
         self._gathered: list[Array] = []
+        self._gathered_s: list[float] = []
         self._zero_asked = False
         self._rest_v: NDArray[np.float32] | None = None
         self._noise_v = noise_v
@@ -93,35 +115,51 @@ class Session:
         self._times.append(scan.time_s)
         if self._zero_asked:
             self._zero_asked = False
-            self._gathered, self._rest_v = [], None
+            self._gathered, self._gathered_s, self._rest_v = [], [], None
             self._drift.clear()
         if self._rest_v is None:
-            self._gather(scan.voltage_v)
+            self._gather(scan)
             return self._frame(scan, None, 0.0)
+        return self._seen_by_zero(scan) if self._watch is None else self._seen_by(self._watch, scan)
+
+    def _seen_by(self, watch: Watch, scan: Scan) -> LiveFrame:
+        """On the resting skin as it is followed."""
+        begin = time.perf_counter()
+        seen = watch.see(scan.voltage_v, scan.time_s)
+        estimate = self._nothing if seen.at_rest else self._predictor.estimate(seen.change_v[None])
+        latency = time.perf_counter() - begin
+        novelty, at_rest = watch.judged(seen, estimate)
+        estimate = self._nothing if at_rest else estimate
+        if not estimate.present.any():
+            self._drift.append(float(np.sqrt(max(0.0, seen.surprise * watch.monitor.resting.limit - 1.0))))
+        frame = self._frame(scan, estimate, latency)
+        return replace(frame, novelty=novelty, sheet_change=watch.state.gain - 1.0, left=watch.left)
+
+    def _seen_by_zero(self, scan: Scan) -> LiveFrame:
+        """Against the zero alone."""
+        assert self._rest_v is not None
         begin = time.perf_counter()
         change = scan.voltage_v - self._rest_v
-        estimate = self._predictor.estimate(change[None]) if self._touched(change) else self._nothing
+        estimate = (
+            self._predictor.estimate(change[None])
+            if touched(change[None], self._noise_v, self._zero_scans)[0]
+            else self._nothing
+        )
         latency = time.perf_counter() - begin
         if not estimate.present.any():
             self._drift.append(self._off(change))
         return self._frame(scan, estimate, latency)
 
-    def _gather(self, voltage_v: NDArray[np.float32]) -> None:
-        self._gathered.append(voltage_v.astype(float))
+    def _gather(self, scan: Scan) -> None:
+        self._gathered.append(scan.voltage_v.astype(float))
+        self._gathered_s.append(scan.time_s)
         if len(self._gathered) == self._zero_scans:
             stack = np.stack(self._gathered)
             self._rest_v = stack.mean(axis=0).astype(np.float32)
+            if self._watch is not None:
+                self._watch.begin(stack, np.array(self._gathered_s))
             if len(stack) > 1:
                 self._noise_v = noise_of(stack)
-
-    def _touched(self, change_v: NDArray[np.float32]) -> bool:
-        """Whether a change is more than noise and spikes."""
-        if self._noise_v == 0.0:
-            return True
-        expected = self._noise_v**2 * (1.0 + 1.0 / self._zero_scans)
-        square = np.minimum(np.square(change_v), SPIKE_SIGMAS**2 * expected)
-        ratio = 1.0 + TOUCH_SHARE + TOUCH_SIGMAS * np.sqrt(2.0 / square.size)
-        return float(square.mean()) > ratio * expected
 
     def _off(self, change_v: NDArray[np.float32]) -> float:
         """Systematic part of a change in units of the noise, robust against spikes: 0 for noise alone."""
@@ -142,6 +180,19 @@ class Session:
         return LiveFrame(
             self._number, scan.time_s, force, contacts, latency_s, rate, drift, self._lost, saturated, estimate is None
         )
+
+
+def touched(change_v: NDArray[np.floating], noise_v: float, zero_scans: int) -> NDArray[np.bool_]:
+    """(N,) whether changes (N,K,M) against the mean of ``zero_scans`` scans are more than noise and spikes.
+
+    All of them where the noise of a reading is not known (0).
+    """
+    if noise_v == 0.0:
+        return np.ones(len(change_v), dtype=bool)
+    expected = noise_v**2 * (1.0 + 1.0 / zero_scans)
+    square = np.minimum(np.square(change_v), SPIKE_SIGMAS**2 * expected)
+    ratio = 1.0 + TOUCH_SHARE + TOUCH_SIGMAS * np.sqrt(2.0 / square[0].size)
+    return np.asarray(square.mean(axis=(1, 2)) > ratio * expected)
 
 
 def noise_of(scans_v: Array) -> float:

@@ -5,14 +5,17 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
-from hardware.failure import InstrumentError
-from hardware.instrument import ErtReader, Scan
-from hardware.recording import Frames
-from physics.history import Phase
-from physics.protocol import Protocol
+from ertskin.hardware.failure import InstrumentError
+from ertskin.hardware.instrument import ErtReader, Scan
+from ertskin.hardware.recording import Frames
+from ertskin.physics.history import Phase
+from ertskin.physics.protocol import Protocol
+from ertskin.physics.spikes import completed
 
 RETRY_S = 1.0
 
@@ -22,10 +25,17 @@ def scans_of_reader(
 ) -> Iterator[Scan]:
     """Scans of a reader until told to end; one that fails is told of and tried again."""
     reader.identify()
+    lost = 0
     while not ending.is_set():
         try:
             reader.start()
-            yield reader.finish((protocol.scan_s or 0.5) + 4.0)
+            scan = reader.finish((protocol.scan_s or 0.5) + 4.0)
+            lost += scan.lost
+            if (voltage := _whole(protocol, scan.voltage_v)) is None:
+                lost += 1
+                continue
+            yield replace(scan, voltage_v=voltage, lost=lost)
+            lost = 0
         except InstrumentError as error:
             tell(str(error))
             ending.wait(RETRY_S)
@@ -40,11 +50,20 @@ def scans_of_recording(frames: Frames, protocol: Protocol, speed: float, ending:
     rest = np.flatnonzero(frames.history.phase == Phase.REST)
     first = int(rest[0]) if len(rest) else 0
     times = frames.history.time_s
-    begin = time.monotonic()
+    begin, lost = time.monotonic(), 0
     for number in range(first, len(frames)):
         due = begin + (times[number] - times[first]) / speed if speed > 0 else begin
         if ending.wait(max(0.0, due - time.monotonic())):
             return
-        voltage = frames.voltage_v[number]
+        if (voltage := _whole(protocol, frames.voltage_v[number])) is None:
+            lost += 1
+            continue
         saturated = None if protocol.adc_limit_v is None else voltage >= protocol.adc_limit_v
-        yield Scan(float(times[number]), voltage, saturated=saturated, sequence=number)
+        yield Scan(float(times[number]), voltage, saturated=saturated, sequence=number, lost=lost)
+        lost = 0
+
+
+def _whole(protocol: Protocol, voltage_v: NDArray[np.float32]) -> NDArray[np.float32] | None:
+    """A scan (K,M) for a network: lost readings by the others, nought where none is taken; None if too much is."""
+    voltage = completed(protocol, voltage_v[None].astype(float))[0].astype(np.float32)
+    return voltage if np.isfinite(voltage).all() else None

@@ -11,8 +11,8 @@ from ertskin.data.trials import TrialSet
 from ertskin.models.batch_norm import BatchNorm
 from ertskin.models.network import Network
 from ertskin.models.scaling import Standardise
-from physics.noise.model import Noise
-from physics.protocol import Protocol
+from ertskin.physics.noise.model import Noise
+from ertskin.physics.protocol import Protocol
 
 
 class Denoiser(Network):

@@ -16,10 +16,15 @@ class Estimate:
 
     ``force_map_n`` (N,n): force on each taxel, 0 where no contact is declared. ``present`` (N,n): where one is.
     ``contact_m`` (N,C,2), ``contact_force_n`` (N,C): the contacts themselves from a network that places them between
-    the taxels, NaN for none; absent from one that doesn't.
+    the taxels, NaN for none; absent from one that doesn't. From one that says how sure it is also ``covariance``
+    (N,C,3,3) of x, y and force, ``probability`` (N,C) that a contact is there, and ``misfit`` (N,): what they leave of
+    the reading, a mean square in units of the noise.
     """
 
     force_map_n: Array
     present: NDArray[np.bool_]
     contact_m: Array | None = None
     contact_force_n: Array | None = None
+    covariance: Array | None = None
+    probability: Array | None = None
+    misfit: Array | None = None

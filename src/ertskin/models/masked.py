@@ -13,8 +13,8 @@ from ertskin.models.network import Gradient
 from ertskin.models.readings_layer import ReadingsLayer
 from ertskin.models.scaling import Standardise
 from ertskin.models.touch import TouchNetwork
-from physics.noise.model import Noise
-from physics.protocol import Protocol
+from ertskin.physics.noise.model import Noise
+from ertskin.physics.protocol import Protocol
 
 
 class MaskedNetwork(TouchNetwork):

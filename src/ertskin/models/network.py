@@ -15,14 +15,17 @@ from torch import Tensor
 from ertskin.data.batches import Batches
 from ertskin.data.tensors import TrialTensors
 from ertskin.data.trials import TrialSet
-from ertskin.errors import JobFailed
+from ertskin.errors import JobFailed, UserError
 from ertskin.models.estimate import Estimate
+from ertskin.models.scaling import NoiseWhitening
+from ertskin.physics.noise.model import Noise
+from ertskin.physics.protocol import Protocol
 from ertskin.training.adam import LeanAdam
-from physics.noise.model import Noise
-from physics.protocol import Protocol
 
 Array = NDArray[np.float64]
 Reads = Literal["readings", "coordinates"]
+PLACES = ("taxel_m", "answer_m")
+"""Where a network's answers lie: its own specimen's, whatever it starts from."""
 Gradient = Callable[[Tensor, dict[str, Tensor]], Tensor]
 """Of a mini-batch's inputs and targets: returns the loss, and leaves its gradient in the parameters' ``grad``."""
 
@@ -38,6 +41,10 @@ class Network(pl.LightningModule):
     """
 
     reads: ClassVar[Reads] = "readings"
+    recalibrates: ClassVar[bool] = False
+    """Whether on another specimen its weights do without training: ``prepare`` alone fits it to that."""
+    validated: ClassVar[int] = 2000
+    """Trials its metrics are taken from."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -45,10 +52,34 @@ class Network(pl.LightningModule):
         self.learning_rate = 1e-3
         self.annealed = False
         self.arguments: dict[str, Any] = {}
+        self._loss_sum, self._loss_count = 0.0, 0
+
+    taxel_m: Tensor
+
+    @property
+    def answers_m(self) -> Array:
+        """(n,2) the taxels it answers for."""
+        return np.asarray(self.taxel_m.detach().cpu(), dtype=float)
 
     def prepare(self, protocol: Protocol, trials: TrialSet, noise: Noise, seed: int) -> TrialTensors:
         """Fit the scaling of the inputs on ``trials`` and return them as tensors."""
         raise NotImplementedError
+
+    def start_from(self, other: Network) -> None:
+        """Take over what ``other`` learned on another specimen; ``prepare`` then keeps the directions it reads.
+
+        Raises ``UserError`` where that is a network of another kind or of other sizes.
+        """
+        if type(other) is not type(self):
+            raise UserError(f"from: holds a {type(other).__name__}, where this model is a {type(self).__name__}")
+        own = {name for name in self.state_dict() if name not in PLACES}
+        try:
+            self.load_state_dict({name: value for name, value in other.state_dict().items() if name in own}, False)
+        except RuntimeError:
+            raise UserError(f"from: that network differs in size: {_differing(other, self)}") from None
+        for module in self.modules():
+            if isinstance(module, NoiseWhitening):
+                module.keep()
 
     def losses(self, inputs: Tensor, targets: dict[str, Tensor]) -> dict[str, Tensor]:
         """Loss terms by name; their sum is minimised. Means over the batch."""
@@ -80,8 +111,24 @@ class Network(pl.LightningModule):
         for inputs, targets in batches:
             total += gradient(inputs, targets)
             optimizer.update()
-        if not torch.isfinite(total):
+            self._loss_count += 1
+        self._loss_sum += total.item()
+        if not math.isfinite(self._loss_sum):
             raise JobFailed(f"the training loss is no longer finite in epoch {self.current_epoch}")
+
+    def taken_training_loss(self) -> float:
+        """Mean loss of the mini-batches since this was last asked; NaN without any."""
+        mean = self._loss_sum / self._loss_count if self._loss_count else math.nan
+        self._loss_sum, self._loss_count = 0.0, 0
+        return mean
+
+    def on_save_checkpoint(self, checkpoint: dict[str, Any]) -> None:
+        """Keep what of the epoch's loss is summed so far."""
+        checkpoint["training_loss"] = {"sum": self._loss_sum, "count": self._loss_count}
+
+    def on_load_checkpoint(self, checkpoint: dict[str, Any]) -> None:
+        """Go on with the epoch's loss."""
+        self._loss_sum, self._loss_count = (checkpoint["training_loss"][key] for key in ("sum", "count"))
 
     def on_train_epoch_start(self) -> None:
         """Lower the learning rate along half a cosine where asked: a function of the epoch alone, as resuming needs."""
@@ -103,6 +150,15 @@ class Network(pl.LightningModule):
     def configure_optimizers(self) -> torch.optim.Optimizer:
         """Adam (paper IV-C)."""
         return LeanAdam(self.parameters(), self.learning_rate)
+
+
+def _differing(other: Network, network: Network) -> str:
+    sizes = [{**one.arguments, "taxels": len(one.answers_m)} for one in (other, network)]
+    return ", ".join(
+        f"{name} {sizes[0].get(name)} instead of {value}"
+        for name, value in sizes[1].items()
+        if isinstance(value, int) and sizes[0].get(name) != value
+    )
 
 
 def _summed(parts: dict[str, Tensor]) -> Tensor:

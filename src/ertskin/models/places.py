@@ -15,8 +15,8 @@ from ertskin.models.estimate import Estimate
 from ertskin.models.network import Network, Reads
 from ertskin.models.trunk import Trunk
 from ertskin.models.votes import counted, grid_spacing_m, on_taxels
-from physics.noise.model import Noise
-from physics.protocol import Protocol
+from ertskin.physics.noise.model import Noise
+from ertskin.physics.protocol import Protocol
 
 Array = NDArray[np.float64]
 

@@ -12,8 +12,8 @@ from ertskin.models.network import Reads
 from ertskin.models.single_touch import SingleTouch
 from ertskin.models.touch import TouchNetwork
 from ertskin.models.trunk import Trunk
-from physics.noise.model import Noise
-from physics.protocol import Protocol
+from ertskin.physics.noise.model import Noise
+from ertskin.physics.protocol import Protocol
 
 
 class ReciprocalNetwork(TouchNetwork):

@@ -16,8 +16,9 @@ from torch import nn
 from ertskin.errors import UserError
 from ertskin.models.denoiser import Denoiser
 from ertskin.models.estimate import Estimate
+from ertskin.models.monitor import SkinMonitor
 from ertskin.models.network import Network
-from physics.protocol import Protocol
+from ertskin.physics.protocol import Protocol
 
 Array = NDArray[np.float64]
 FORMAT, FORMAT_VERSION = "ertskin-model", 1
@@ -28,13 +29,15 @@ FRAMES_AT_ONCE = 1024
 class Reconstruction:
     """A network, the denoiser before it where it has one, and the protocol of the scans they read.
 
-    ``about``: plain data on where it comes from.
+    ``about``: plain data on where it comes from. ``monitor``: by which the skin is followed and strange frames are
+    told; none where the recording it learned from had too few rest frames.
     """
 
     protocol: Protocol
     network: Network
     denoiser: Denoiser | None = None
     about: dict[str, Any] = field(default_factory=dict)
+    monitor: SkinMonitor | None = None
 
     def estimate(self, change_v: Array) -> Estimate:
         """Touches of (N,K,M) or (N,R) changes of the raw readings against rest, in volt."""
@@ -44,7 +47,7 @@ class Reconstruction:
         return self._run(flat)
 
     def estimate_coordinates(self, change_v: Array) -> Estimate:
-        """Touches of (N,P) whitened coordinates of the change, in volt, as ``physics.spikes.despiked`` gives them."""
+        """Touches of (N,P) whitened coordinates of the change, in volt, as ``despiked`` gives them."""
         if self.network.reads == "coordinates":
             return self._run(change_v)
         return self._run(change_v @ self.protocol.orthonormal.T)
@@ -61,6 +64,7 @@ class Reconstruction:
             "network": _packed(self.network),
             "denoiser": None if self.denoiser is None else _packed(self.denoiser),
             "about": self.about,
+            "monitor": {} if self.monitor is None else _tensors(self.monitor.held()),
         }
         path.parent.mkdir(parents=True, exist_ok=True)
         aside = path.with_name(path.name + ".part")
@@ -83,7 +87,8 @@ class Reconstruction:
         denoiser = None if content["denoiser"] is None else _unpacked(content["denoiser"], path)
         if denoiser is not None and not isinstance(denoiser, Denoiser):
             raise UserError(f"{path} names {type(denoiser).__name__} as its denoiser, which it isn't")
-        return cls(protocol, _unpacked(content["network"], path), denoiser, content["about"])
+        monitor = SkinMonitor.of({name: value.numpy() for name, value in content.get("monitor", {}).items()})
+        return cls(protocol, _unpacked(content["network"], path), denoiser, content["about"], monitor)
 
     @torch.inference_mode()
     def _run(self, change_v: Array) -> Estimate:
@@ -101,16 +106,25 @@ def stacked(parts: list[Estimate]) -> Estimate:
     """The frames of all parts, in order; contacts padded with NaN."""
     force_map_n = np.concatenate([part.force_map_n for part in parts])
     present = np.concatenate([part.present for part in parts])
-    known = [
-        (p.contact_m, p.contact_force_n) for p in parts if p.contact_m is not None and p.contact_force_n is not None
-    ]
-    if not known:
-        return Estimate(force_map_n, present)
-    most = max(force.shape[1] for _, force in known)
-    pads = [(0, most - force.shape[1]) for _, force in known]
-    places = [np.pad(m, [(0, 0), pad, (0, 0)], constant_values=np.nan) for (m, _), pad in zip(known, pads, strict=True)]
-    forces = [np.pad(n, [(0, 0), pad], constant_values=np.nan) for (_, n), pad in zip(known, pads, strict=True)]
-    return Estimate(force_map_n, present, np.concatenate(places), np.concatenate(forces))
+    most = max((0 if part.contact_force_n is None else part.contact_force_n.shape[1]) for part in parts)
+    given = [name for name in CONTACT_FIELDS if all(getattr(part, name) is not None for part in parts)]
+    joined = {name: np.concatenate([_widened(getattr(part, name), name, most) for part in parts]) for name in given}
+    return Estimate(force_map_n, present, **joined)
+
+
+CONTACT_FIELDS = ("contact_m", "contact_force_n", "covariance", "probability", "misfit")
+
+
+def _widened(values: Array, name: str, most: int) -> Array:
+    """An answer with room for ``most`` contacts in each frame, NaN where there are fewer."""
+    if name == "misfit":
+        return values
+    pad = [(0, 0), (0, most - values.shape[1]), *[(0, 0)] * (values.ndim - 2)]
+    return np.pad(values, pad, constant_values=np.nan)
+
+
+def _tensors(held: dict[str, Any]) -> dict[str, torch.Tensor]:
+    return {name: torch.from_numpy(np.array(value)) for name, value in held.items()}
 
 
 def _packed(network: Network) -> dict[str, Any]:

@@ -7,6 +7,8 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
+from ertskin.physics.noise.directions import nearest_directions, noise_directions
+
 Array = NDArray[np.float64]
 
 
@@ -51,19 +53,24 @@ class NoiseWhitening(nn.Module):
         super().__init__()
         self.register_buffer("matrix", torch.eye(inputs)[:, :outputs].clone())
         self.register_buffer("strength", torch.ones(()))
+        self.kept = False
+
+    def keep(self) -> None:
+        """Stay with these directions, which weights were learned for, as nearly as another noise lets."""
+        self.kept = True
 
     def fit(self, values: Array, covariance: Array, floor: float = 1e-3) -> None:
         """From (N,inputs) clean values and the noise's covariance.
 
         ``floor``: least noise assumed, as a share of the values' rms; it keeps a noise-free set usable.
         """
-        least = (floor * np.sqrt(np.mean(values**2))) ** 2
-        factor = np.linalg.cholesky(covariance + least * np.eye(len(covariance)))
-        white = np.linalg.inv(factor).T
-        power, direction = np.linalg.eigh(white.T @ (values.T @ values / len(values)) @ white)
-        kept = self.matrix.shape[1]
-        self.matrix.copy_(torch.from_numpy(white @ direction[:, ::-1][:, :kept]))
-        self.strength.fill_(float(np.sqrt(power[::-1][:kept].mean())))
+        matrix, power = noise_directions(values, covariance, floor)
+        count = self.matrix.shape[1]
+        if self.kept:
+            matrix = matrix @ nearest_directions(matrix, self.matrix.double().numpy())
+            power = np.mean((values @ matrix) ** 2, axis=0)
+        self.matrix.copy_(torch.from_numpy(matrix[:, :count]))
+        self.strength.fill_(float(np.sqrt(power[:count].mean())))
 
     def forward(self, values: Tensor) -> Tensor:
         """(…,inputs) to (…,outputs)."""

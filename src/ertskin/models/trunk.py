@@ -9,8 +9,8 @@ from torch import Tensor, nn
 from ertskin.data.tensors import TrialTensors
 from ertskin.data.trials import TrialSet
 from ertskin.models.scaling import NoiseWhitening
-from physics.noise.model import Noise
-from physics.protocol import Protocol
+from ertskin.physics.noise.model import Noise
+from ertskin.physics.protocol import Protocol
 
 Targets = dict[str, Tensor]
 NOISE_ROWS = 8192

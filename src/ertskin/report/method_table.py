@@ -16,16 +16,31 @@ CAPTION = (
     "the taxel truly touched; a missed contact counts as 0 N. After the ± the paper gives its own spread."
 )
 
+ANYWHERE_CAPTION = (
+    "Said contacts are assigned to the true ones by least total distance. "
+    "Missed and invented: contacts a frame, on average."
+)
+
 
 def method_table(methods: Sequence[MethodResult]) -> Table:
-    """A line for the paper, then one for each method; a column for each metric that some method has."""
-    names = metric_names(methods)
+    """A line for the paper, then one for each method; a column for each metric on the taxels."""
+    names = [name for name in metric_names(methods) if not name[-1].isdigit()]
+    paper = [Row((("as published", "the paper, on its own sensor"), *map(_paper_cell, names)), "paper")]
+    return _table(methods, names, paper, CAPTION)
+
+
+def anywhere_table(methods: Sequence[MethodResult], count: int) -> Table:
+    """A line for each method; a column for each metric of ``count`` contacts anywhere."""
+    return _table(methods, [name for name in metric_names(methods) if name.endswith(f"_{count}")], [], ANYWHERE_CAPTION)
+
+
+def _table(methods: Sequence[MethodResult], names: list[str], rows: list[Row], caption: str) -> Table:
     heads = ("method", *(METRICS[name].label for name in names))
-    rows = [Row((("as published", "the paper, on its own sensor"), *map(_paper_cell, names)), "paper")]
-    rows += [
+    methods = [method for method in methods if any(len(method.values(name)) for name in names)]
+    rows = rows + [
         Row(((method.name, method.note), *(_cell(method, name) for name in names)), method.kind) for method in methods
     ]
-    return Table(heads, tuple(rows), CAPTION)
+    return Table(heads, tuple(rows), caption)
 
 
 def _paper_cell(name: str) -> tuple[str, str]:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import os
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import jinja2
 from matplotlib.figure import Figure
 
+from ertskin.files import write_whole
 from ertskin.report.figures.image import data_uri, png
 
 TEMPLATE = Path(__file__).parent / "templates" / "report.html.j2"
@@ -47,11 +47,12 @@ class Table:
 
 @dataclass(frozen=True)
 class Section:
-    """A heading, what it says in words, facts as (name, value), tables and pictures, in this order."""
+    """A heading, what it says in words, facts as (name, value), commands to copy, tables, pictures, in this order."""
 
     title: str
     words: tuple[str, ...] = ()
     facts: tuple[tuple[str, str], ...] = ()
+    commands: tuple[str, ...] = ()
     tables: tuple[Table, ...] = ()
     pictures: tuple[Picture, ...] = ()
 
@@ -75,8 +76,4 @@ def render(page: Page) -> str:
 
 def write_page(path: Path, page: Page) -> Path:
     """Render ``page``, write it aside and rename it to ``path``."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    aside = path.with_name(path.name + ".part")
-    aside.write_text(render(page), encoding="utf-8")
-    os.replace(aside, path)
-    return path
+    return write_whole(path, render(page))

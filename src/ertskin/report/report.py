@@ -5,18 +5,26 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from ertskin.calibration.result import Calibration
-from ertskin.evaluation.results import PAPER, MethodResult
+from ertskin.evaluation.results import PAPER, MethodResult, metric_names
+from ertskin.hardware.measurement import Recording
 from ertskin.report.page import Page, Section, write_page
+from ertskin.report.sections.anywhere import anywhere
+from ertskin.report.sections.change import change
 from ertskin.report.sections.failures import failures
 from ertskin.report.sections.fit import fit
+from ertskin.report.sections.lacking import lacking, named_in
 from ertskin.report.sections.network import network
+from ertskin.report.sections.opened import opened
 from ertskin.report.sections.recorded import recorded
 from ertskin.report.units import METRICS
-from hardware.measurement import Recording
+
+ASIDE = ("missed", "invented", "coverage", "novel")
+"""Metrics that stand in the tables alone."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,7 +34,9 @@ class ReportInputs:
     ``methods`` in the order of the table; ``shown`` names the one whose answers are pictured, the first network where
     it is None. ``recordings`` by the part they play, such as "training" or "one-point test".
     ``calibration_figures``: the folder ``ertskin calibrate`` drew into. ``footer``: lines on
-    how the numbers came about (files, seeds, versions).
+    how the numbers came about (files, seeds, versions). ``diagnosis``: the folder of the training recording's, and
+    ``pairs`` of names of methods trained without and with what it found. ``hidden``: what was sealed with a virtual
+    recording, as (effects with their parameters, commitment).
     """
 
     title: str
@@ -36,6 +46,9 @@ class ReportInputs:
     calibration: Calibration | None = None
     calibration_figures: Path | None = None
     footer: Sequence[str] = ()
+    diagnosis: Path | None = None
+    pairs: Sequence[tuple[str, str]] = ()
+    hidden: tuple[Mapping[str, Mapping[str, Any]], str] | None = None
 
 
 def write_report(path: Path, inputs: ReportInputs) -> Path:
@@ -46,7 +59,17 @@ def write_report(path: Path, inputs: ReportInputs) -> Path:
         sections.append(recorded(dict(inputs.recordings)))
     if inputs.calibration is not None:
         sections.append(fit(inputs.calibration, inputs.calibration_figures))
-    sections += [network(inputs.methods, shown), failures(inputs.methods, shown)]
+    if inputs.diagnosis is not None:
+        sections.append(lacking(inputs.diagnosis))
+    if (changed := change(inputs.methods, inputs.pairs)) is not None:
+        sections.append(changed)
+    if any(not name[-1].isdigit() for name in metric_names(inputs.methods)):
+        sections += [network(inputs.methods, shown), failures(inputs.methods, shown)]
+    if (between := anywhere(inputs.methods, shown)) is not None:
+        sections.append(between)
+    if inputs.hidden is not None:
+        named = None if inputs.diagnosis is None else named_in(inputs.diagnosis)
+        sections.append(opened(inputs.hidden[0], named, inputs.hidden[1]))
     return write_page(
         path, Page(inputs.title, _summary(shown), _key_numbers(shown), tuple(sections), tuple(inputs.footer))
     )
@@ -74,6 +97,8 @@ def _summary(shown: MethodResult) -> str:
 def _key_numbers(shown: MethodResult) -> tuple[tuple[str, str], ...]:
     numbers = []
     for name, metric in METRICS.items():
+        if name.startswith(ASIDE):
+            continue
         values = shown.values(name)
         if len(values) and np.isfinite(values).any():
             beside = f" (paper {metric.with_unit(PAPER[name][0])})" if name in PAPER else ""

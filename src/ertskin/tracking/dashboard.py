@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import signal
 import socket
 import subprocess
 import sys
@@ -11,8 +10,10 @@ import time
 import urllib.error
 import urllib.request
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
+
+import psutil
 
 from ertskin.errors import JobFailed, UserError
 from ertskin.tracking.store import ensure_database, store_uri
@@ -45,7 +46,7 @@ def serving(database: Path, artifacts: Path, port: int, wait_s: float = 90.0) ->
     quiet = {"MLFLOW_SERVER_ENABLE_JOB_EXECUTION": "false"}
     log = database.with_name("dashboard.log")
     with log.open("wb") as output:
-        # A session of its own, so that the server's worker ends with it and Ctrl-C reaches us alone.
+        # A session of its own, so that Ctrl-C reaches us alone.
         server = subprocess.Popen(command, stdout=output, stderr=output, env=os.environ | quiet, start_new_session=True)
     try:
         _wait_until_healthy(server, port, wait_s, log)
@@ -76,11 +77,14 @@ def _wait_until_healthy(server: subprocess.Popen[bytes], port: int, wait_s: floa
 
 
 def _end(server: subprocess.Popen[bytes]) -> None:
-    try:
-        os.killpg(server.pid, signal.SIGTERM)
-        server.wait(timeout=10)
-    except ProcessLookupError:
-        pass
-    except subprocess.TimeoutExpired:
-        os.killpg(server.pid, signal.SIGKILL)
-        server.wait()
+    """The server's worker ends with it."""
+    processes: list[psutil.Process] = []
+    with suppress(psutil.NoSuchProcess):
+        process = psutil.Process(server.pid)
+        processes = [*process.children(recursive=True), process]
+    for process in processes:
+        with suppress(psutil.NoSuchProcess):
+            process.terminate()
+    for process in psutil.wait_procs(processes, timeout=10)[1]:
+        process.kill()
+    server.wait()

@@ -5,13 +5,14 @@ from __future__ import annotations
 import json
 import subprocess
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self
 
 from ertskin.errors import UserError
 from ertskin.interrupts import Terminated
+from ertskin.tracking.datasets import DatasetInfo
 from ertskin.tracking.process import is_gone, own_tags
 from ertskin.tracking.settings import TrackingSettings
 from ertskin.tracking.store import experiment_id, open_store
@@ -20,6 +21,8 @@ if TYPE_CHECKING:
     from mlflow import MlflowClient
 
 KEY_TAG, ERROR_TAG, PARENT_TAG = "ertskin.key", "ertskin.error", "mlflow.parentRunId"
+# By this MLflow knows which of a run's files are tables.
+TABLES_TAG = "mlflow.loggedArtifacts"
 # MLflow cuts longer values of a parameter; the whole configuration is an artifact.
 PARAMETER_LENGTH = 250
 AT_ONCE = 1000
@@ -76,17 +79,25 @@ class Run:
             run_id = client.create_run(experiment, tags=labels, run_name=name).info.run_id
         return cls(client, run_id, settings.flush_s)
 
-    def parameters(self, config: Mapping[str, Any]) -> None:
-        """Log a nested configuration: as parameters ``a.b.c`` to sort and compare by, and whole as ``config.yaml``."""
+    def parameters(self, config: Mapping[str, Any], named: Mapping[str, str] | None = None) -> None:
+        """Log a nested configuration: as parameters ``a.b.c`` to sort and compare by, and whole as ``config.yaml``.
+
+        ``named``: parameters that come first, as the names of choices. What only tells Hydra what to build is left out.
+        """
         from mlflow.entities import Param
         from omegaconf import OmegaConf
 
-        flat = {name: str(value) for name, value in flattened(config).items()}
+        settings = {name: value for name, value in flattened(config).items() if not _is_hydras(name)}
+        flat = {name: str(value) for name, value in {**(named or {}), **settings}.items()}
         known = self.client.get_run(self.run_id).data.params
         new = [Param(n, v) for n, v in flat.items() if n not in known and len(v) <= PARAMETER_LENGTH]
         for start in range(0, len(new), 100):
             self.client.log_batch(self.run_id, params=new[start : start + 100])
         self.client.log_text(self.run_id, OmegaConf.to_yaml(OmegaConf.create(dict(config))), "config.yaml")
+
+    def dataset(self, data: DatasetInfo) -> None:
+        """Log what the run learned from or was tested on."""
+        self.client.log_inputs(self.run_id, datasets=[data.as_input()])
 
     def metrics(self, values: Mapping[str, float], step: int = 0) -> None:
         """Keep metrics for the next write."""
@@ -107,6 +118,12 @@ class Run:
     def table(self, content: Any, name: str) -> None:
         """Log plain data as a JSON artifact."""
         self.client.log_text(self.run_id, json.dumps(content, indent=1), name)
+
+    def columns(self, columns: Mapping[str, Sequence[Any]], name: str) -> None:
+        """Log columns of equal length as what MLflow shows as a table, in the place of an earlier one."""
+        rows = [list(row) for row in zip(*columns.values(), strict=True)]
+        self.table({"columns": list(columns), "data": rows}, name)
+        self.tag(TABLES_TAG, json.dumps([{"path": name, "type": "table"}]))
 
     def artifact(self, path: Path, folder: str | None = None) -> None:
         """Log a file."""
@@ -165,6 +182,10 @@ def flattened(config: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
     for name, value in config.items():
         flat |= flattened(value, f"{prefix}{name}.") if isinstance(value, Mapping) else {f"{prefix}{name}": value}
     return flat
+
+
+def _is_hydras(name: str) -> bool:
+    return name.rpartition(".")[2].startswith("_")
 
 
 def source_commit() -> str | None:

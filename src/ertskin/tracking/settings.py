@@ -7,6 +7,8 @@ from pathlib import Path
 
 from omegaconf import DictConfig
 
+from ertskin.settings import checked, limited
+
 
 @dataclass(frozen=True)
 class TrackingSettings:
@@ -16,9 +18,9 @@ class TrackingSettings:
     database: Path
     artifacts: Path
     experiment: str
-    flush_s: float = 5.0
+    flush_s: float = limited(5.0, least=0)
 
     @classmethod
     def of(cls, config: DictConfig) -> TrackingSettings:
         """From the configuration group ``tracking``."""
-        return cls(Path(config.database), Path(config.artifacts), str(config.experiment), float(config.flush_s))
+        return checked(cls, config, "tracking")

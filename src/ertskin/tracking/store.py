@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import os
 import shutil
+import sqlite3
 import subprocess
 import sys
+from contextlib import closing
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -62,6 +64,18 @@ def open_store(database: Path) -> MlflowClient:
 
     ensure_database(database)
     return MlflowClient(store_uri(database))
+
+
+def is_finished(database: Path, run_id: str) -> bool:
+    """Whether the database knows the run as finished; asked of the file itself, for MLflow takes seconds to load."""
+    if not database.is_file():
+        return False
+    wanted = "SELECT 1 FROM runs WHERE run_uuid = ? AND status = 'FINISHED' AND lifecycle_stage = 'active'"
+    with closing(sqlite3.connect(f"{database.resolve().as_uri()}?mode=ro", uri=True)) as connection:
+        try:
+            return connection.execute(wanted, (run_id,)).fetchone() is not None
+        except sqlite3.DatabaseError:
+            return False  # Not MLflow's, or of a version that keeps runs elsewhere: training again finds out.
 
 
 def experiment_id(client: MlflowClient, name: str, artifacts: Path) -> str:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import logging
+import sys
 import warnings
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import lightning.pytorch as pl
@@ -47,21 +48,21 @@ def fit(
     network.learning_rate, network.annealed = settings.learning_rate, settings.annealed
     checkpoint = ExactCheckpoint(folder, settings.checkpoint_s)
     last = folder / LAST
-    if not _finished(last):
-        data = TrialModule(
-            trials,
-            batch=settings.batch,
-            batches=settings.batches_per_chunk,
-            seed=settings.seed,
-            training_share=settings.training_share,
-        )
+    begun = _checkpoint_state(last) if last.is_file() else None
+    if begun is None or not begun["finished"]:
+        if begun is not None:
+            # A checkpoint's place counts chunks of the size it was written with.
+            settings = replace(settings, batches_per_chunk=begun["place"]["batches"])
+            epoch = f"epoch {begun['place']['epoch'] + 1} of at most {settings.max_epochs}"
+            print(f"{title}: going on from {epoch}", file=sys.stderr, flush=True)
+        data = _data(trials, settings)
         trainer = _trainer(settings, folder, [Progress(title, log), checkpoint])
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")
                 # oneDNN sets itself up at every call: small batches lose more by that than they gain.
                 torch.backends.mkldnn.set_flags(False)
-                trainer.fit(network, data, ckpt_path=last if last.is_file() else None, weights_only=True)
+                trainer.fit(network, data, ckpt_path=None if begun is None else last, weights_only=True)
         except SystemExit as error:
             # Lightning turns Ctrl-C into an exit of its own.
             if isinstance(error.__context__, KeyboardInterrupt):
@@ -71,6 +72,16 @@ def fit(
     network.load_state_dict(torch.load(folder / BEST, weights_only=True, map_location="cpu"))
     network.cpu().eval()
     return Fitted(state["best_loss"], state["best_epoch"], folder)
+
+
+def _data(trials: TrialTensors, settings: TrainerSettings) -> TrialModule:
+    return TrialModule(
+        trials,
+        batch=settings.batch,
+        batches=settings.batches_per_chunk,
+        seed=settings.seed,
+        training_share=settings.training_share,
+    )
 
 
 def _trainer(settings: TrainerSettings, folder: Path, callbacks: list[pl.Callback]) -> pl.Trainer:
@@ -89,10 +100,6 @@ def _trainer(settings: TrainerSettings, folder: Path, callbacks: list[pl.Callbac
         num_sanity_val_steps=0,
         use_distributed_sampler=False,
     )
-
-
-def _finished(last: Path) -> bool:
-    return last.is_file() and bool(_checkpoint_state(last)["finished"])
 
 
 def _checkpoint_state(last: Path) -> dict:

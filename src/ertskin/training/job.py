@@ -1,84 +1,108 @@
-"""One training job: named by what it computes, tracked, skipped where it is done, gone on with where it was cut off."""
+"""One training job: tracked, gone on with where it was cut off."""
 
 from __future__ import annotations
 
 import json
-import os
 import shutil
 import sys
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import hydra
-from omegaconf import DictConfig, OmegaConf
+import numpy as np
+from numpy.typing import NDArray
+from omegaconf import DictConfig
 
 from ertskin.data.material import Material
-from ertskin.data.shards import file_sha256
-from ertskin.errors import UserError
 from ertskin.evaluation.predictions import as_plain
+from ertskin.files import write_whole
+from ertskin.hardware.recording import read_recording
 from ertskin.models.reconstruction import Reconstruction
+from ertskin.settings import check_arguments
+from ertskin.tracking.datasets import DatasetInfo
 from ertskin.tracking.model import log_model
-from ertskin.tracking.run import Run, finished_run
+from ertskin.tracking.run import Run
 from ertskin.tracking.settings import TrackingSettings
-from ertskin.tracking.sweep import job_key, parent_run_id
+from ertskin.tracking.sweep import parent_run_id
+from ertskin.training.commission import commissioned
+from ertskin.training.finished import MODEL, Job
 from ertskin.training.reconstruct import train_reconstruction
-from ertskin.training.settings import TrainerSettings
-from ertskin.training.validation import validate
+from ertskin.training.request import Request, job_name
+from ertskin.training.settings import TrainerSettings, trainer_settings
+from ertskin.training.start import check_start, starting
+from ertskin.training.validation import Validation, validate
 
-DONE, MODEL = "done.json", "model.pt"
-# What a job's outcome doesn't depend on: where things lie. What they hold is in the checksums.
-ASIDE = ("tracking", "out", "cluster", "recording", "calibration")
-
-
-@dataclass(frozen=True)
-class Job:
-    """A finished job: its folder, its MLflow run, the path of its model and the metrics of its validation."""
-
-    folder: Path
-    run_id: str
-    model: Path
-    metrics: dict[str, float]
-    skipped: bool
+BEGUN = "begun.json"
 
 
-def train_job(config: DictConfig, material: Material) -> Job:
-    """Train ``config.model`` with ``config.trainer`` on ``material``, and track it."""
-    request = cast(dict[str, Any], OmegaConf.to_container(config, resolve=True))
-    checksums = {"data_checksum": material.checksum}
-    if config.recording is not None:
-        checksums["recording_checksum"] = file_sha256(Path(config.recording))
-    key = job_key({name: value for name, value in request.items() if name not in ASIDE} | checksums)
-    folder = Path(config.out) / key
-    tracking = TrackingSettings.of(config.tracking)
-    if done := _done(folder, tracking, key):
-        return done
-    folder.mkdir(parents=True, exist_ok=True)
-    with Run.begin(tracking, key, _name(config), parent_run_id=parent_run_id()) as run:
-        run.parameters(request | checksums)
-        reconstruction = _train(config, material, folder, run)
-        reconstruction.about |= {"config": request, "run_id": run.run_id}
+def train_job(config: DictConfig, request: Request) -> Job:
+    """Make the data, train ``config.model`` with ``config.trainer`` on them, and track it."""
+    parts = built(config.model)
+    start, settings = starting(config, trainer_settings(config.trainer, config.seed))
+    if start is not None:
+        protocol = None if config.recording is None else read_recording(config.recording).protocol
+        check_start(start, parts["network"].func, parts["denoiser"] is not None, settings.max_epochs, protocol)
+    material: Material = hydra.utils.instantiate(config.data.source)(config)
+    folder = request.folder
+    _begin(folder, material.checksum)
+    with Run.begin(
+        TrackingSettings.of(config.tracking), request.key, job_name(config), parent_run_id=parent_run_id()
+    ) as run:
+        run.parameters(request.settings, request.choices | request.checksums | {"data_checksum": material.checksum})
+        for data in _datasets(request, material):
+            run.dataset(data)
+        reconstruction = _train(settings, parts, material, folder, run, start)
+        reconstruction.about |= {"config": request.settings, "choices": request.choices, "run_id": run.run_id}
+        outcome = validate(reconstruction, material, trainer_settings(config.trainer, config.seed))
+        reconstruction.monitor = commissioned(config, reconstruction.network, material, outcome)
         reconstruction.save(folder / MODEL)
-        log_model(run, folder / MODEL)
-        metrics = _validate(config, reconstruction, material, run)
-    content = {"run_id": run.run_id, "metrics": metrics}
-    aside = folder / f"{DONE}.part"
-    aside.write_text(json.dumps(content, indent=1), encoding="utf-8")
-    os.replace(aside, folder / DONE)
-    return Job(folder, run.run_id, folder / MODEL, metrics, skipped=False)
+        metrics = _logged(outcome, run)
+        log_model(run, folder / MODEL, _example_v(material))
+    job = Job(folder, run.run_id, metrics)
+    job.keep()
+    return job
 
 
-def _train(config: DictConfig, material: Material, folder: Path, run: Run) -> Reconstruction:
+def _begin(folder: Path, data_checksum: str) -> None:
+    """Make the folder; what was begun there on other data, as those of an earlier version, is begun again."""
+    path = folder / BEGUN
+    if path.is_file() and json.loads(path.read_text(encoding="utf-8")) != {"data_checksum": data_checksum}:
+        print(f"training anew: {folder} was begun on other data", file=sys.stderr, flush=True)
+        shutil.rmtree(folder)
+    write_whole(path, json.dumps({"data_checksum": data_checksum}))
+
+
+def _datasets(request: Request, material: Material) -> list[DatasetInfo]:
+    """The trials that were simulated, and the recording that they come from."""
+    counts = {"trials": len(material.trials), "taxels": len(material.taxel_m)}
+    if material.denoiser is not None:
+        counts["denoiser_trials"] = len(material.denoiser)
+    name = " ".join(["trials", *(request.choices[group] for group in ("data", "grid") if group in request.choices)])
+    trials = DatasetInfo(name, material.checksum, "training", profile=counts)
+    if request.settings["recording"] is None:
+        return [trials]
+    recording = Path(request.settings["recording"])
+    return [trials, DatasetInfo(recording.name, request.checksums["recording_checksum"], "training", recording)]
+
+
+def _example_v(material: Material) -> NDArray[np.float32]:
+    """(1,K,M) what a model takes in: the change of a scan under a simulated press, in volt."""
+    return material.trials[slice(0, 1)].readings_v(material.protocol).reshape(-1, *material.protocol.shape)
+
+
+def _train(
+    settings: TrainerSettings,
+    parts: dict[str, Any],
+    material: Material,
+    folder: Path,
+    run: Run,
+    start: Reconstruction | None,
+) -> Reconstruction:
     def log(stage: str, losses: dict[str, float], epoch: int) -> None:
         run.metrics({f"{stage}_{name}": value for name, value in losses.items()}, epoch)
 
     reconstruction, fitted = train_reconstruction(
-        material,
-        hydra.utils.instantiate(config.model.network),
-        hydra.utils.instantiate(config.model.denoiser),
-        _settings(config),
-        folder,
-        log,
+        material, parts["network"], parts["denoiser"], settings, folder, log, start
     )
     for stage, outcome in fitted.items():
         # A table shows a metric's last value: this one must be the best.
@@ -86,36 +110,19 @@ def _train(config: DictConfig, material: Material, folder: Path, run: Run) -> Re
     return reconstruction
 
 
-def _validate(config: DictConfig, reconstruction: Reconstruction, material: Material, run: Run) -> dict[str, float]:
-    outcome = validate(reconstruction, material, _settings(config))
+def built(model: DictConfig) -> dict[str, Any]:
+    """Part of the model -> its class with arguments, None where it has no such part; ``UserError`` for a wrong one."""
+    parts = {part: hydra.utils.instantiate(model[part]) for part in ("network", "denoiser")}
+    for part, build in parts.items():
+        if build is not None:
+            check_arguments(build.func, build.keywords, f"model.{part}")
+    return parts
+
+
+def _logged(outcome: Validation, run: Run) -> dict[str, float]:
     metrics = {f"validation_{name}": score.value for name, score in outcome.scores.items()}
     run.metrics(metrics)
     run.table(as_plain(outcome.scores), "validation/per_taxel.json")
     for name, figure in outcome.figures().items():
         run.figure(figure, f"validation/{name}")
     return metrics
-
-
-def _settings(config: DictConfig) -> TrainerSettings:
-    return TrainerSettings(**config.trainer, seed=config.seed)
-
-
-def _done(folder: Path, tracking: TrackingSettings, key: str) -> Job | None:
-    """The job where both its folder and the tracking database know it as finished."""
-    if not ((folder / DONE).is_file() and (folder / MODEL).is_file()):
-        return None
-    content: dict[str, Any] = json.loads((folder / DONE).read_text(encoding="utf-8"))
-    try:
-        Reconstruction.load(folder / MODEL)
-    except UserError as error:
-        # Its checkpoints are of that version too: nothing of it can be gone on from.
-        print(f"training anew: {error}", file=sys.stderr, flush=True)
-        shutil.rmtree(folder)
-        return None
-    if finished_run(tracking, key) != content["run_id"]:
-        return None
-    return Job(folder, content["run_id"], folder / MODEL, content["metrics"], skipped=True)
-
-
-def _name(config: DictConfig) -> str:
-    return f"{config.model.name}-seed{config.seed}"

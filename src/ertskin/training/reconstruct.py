@@ -29,24 +29,31 @@ def train_reconstruction(
     settings: TrainerSettings,
     folder: Path,
     log: LogStage = lambda stage, metrics, epoch: None,
+    start: Reconstruction | None = None,
 ) -> tuple[Reconstruction, dict[str, Fitted]]:
     """Train on ``material``; ``build_*`` are their classes, given all but ``inputs`` and ``taxel_m``.
 
     ``folder`` keeps one folder of checkpoints for each stage. ``log(stage, metrics, epoch)`` gets each epoch's losses.
-    Denoiser and network don't depend on one another: with two threads or more each gets a process and half of them.
-    Raises ``UserError`` where the model has a denoiser and the material has nothing to train it on.
+    ``start``: of another specimen, whose weights training begins with; with ``max_epochs`` of 0 they are kept. Denoiser
+    and network don't depend on one another: with two threads or more each gets a process and half of them.
+    Raises ``UserError`` where the model has a denoiser and the material has nothing to train it on, or where it differs
+    from the one it starts from.
     """
-    readings, pairs = material.protocol.design.shape
+    readings, pairs = material.protocol.orthonormal.shape
     inputs = pairs if _class(build_network).reads == "coordinates" else readings
     build_network = partial(build_network, inputs=inputs, taxel_m=material.taxel_m.tolist())
 
     def stage(name: str, build: Callable[[], Network], trials: TrialSet, threads: int) -> Stage:
         chosen = replace(settings, threads=threads)
-        return Stage(name, build, material.protocol, trials, material.noise, chosen, folder)
+        begin = None if start is None else getattr(start, name)
+        return Stage(name, build, material.protocol, trials, material.noise, chosen, folder, begin)
 
     def named(stage: str) -> Log:
         return lambda metrics, epoch: log(stage, metrics, epoch)
 
+    if not settings.max_epochs:
+        kept = stage("network", build_network, material.trials, settings.threads).recalibrated()
+        return _reconstruction(material, kept, None), {}
     if build_denoiser is None:
         network, fitted = stage("network", build_network, material.trials, settings.threads).fit(named("network"))
         return _reconstruction(material, network, None), {"network": fitted}

@@ -2,7 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
+
+from ertskin.settings import checked, limited, whole_number
+from ertskin.training.accelerator import check_accelerator
+
+LARGEST_SEED = 2**32 - 1
 
 
 @dataclass(frozen=True)
@@ -15,14 +21,21 @@ class TrainerSettings:
     always kept.
     """
 
-    batch: int = 32
-    learning_rate: float = 1e-3
-    max_epochs: int = 100
-    patience: int = 10
+    batch: int = limited(32, least=2)
+    learning_rate: float = limited(1e-3, above=0)
+    max_epochs: int = limited(100, least=1)
+    patience: int = limited(10, least=1)
     annealed: bool = False
-    training_share: float = 0.85
-    batches_per_chunk: int = 64
-    threads: int = 1
-    accelerator: str = "auto"
-    checkpoint_s: float = 30.0
-    seed: int = 0
+    training_share: float = limited(0.85, above=0, most=0.99)
+    batches_per_chunk: int = limited(64, least=1)
+    threads: int = limited(1, least=1)
+    accelerator: str = limited("auto", one_of=("auto", "cpu", "gpu"))
+    checkpoint_s: float = limited(30.0, least=0)
+    seed: int = limited(0, least=0, most=LARGEST_SEED)
+
+
+def trainer_settings(section: Any, seed: Any) -> TrainerSettings:
+    """From the group ``trainer`` and the seed; ``UserError`` for a wrong value or a GPU that isn't there."""
+    settings = checked(TrainerSettings, section, "trainer")
+    check_accelerator(settings.accelerator)
+    return replace(settings, seed=whole_number(seed, "seed", least=0, most=LARGEST_SEED))

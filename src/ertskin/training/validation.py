@@ -19,14 +19,19 @@ from ertskin.training.settings import TrainerSettings
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-MOST_TRIALS = 2000
-
 
 @dataclass(frozen=True, eq=False)
 class Validation:
-    """``scores`` by metric name, and the estimates they come from beside the true force maps (N,n) in newton."""
+    """``scores`` by metric name, and the estimates they come from beside the true force maps (N,n) in newton.
+
+    ``change_v`` (N,P): whitened coordinates of the trials, noise included, of contacts ``contact_m`` (N,C,2) with
+    ``force_n`` (N,C).
+    """
 
     scores: dict[str, Score]
+    change_v: NDArray[np.float64]
+    contact_m: NDArray[np.float64]
+    force_n: NDArray[np.float64]
     taxel_m: NDArray[np.float64]
     true_map_n: NDArray[np.float64]
     estimate: Estimate
@@ -49,17 +54,17 @@ class Validation:
 
 
 def validate(reconstruction: Reconstruction, material: Material, settings: TrainerSettings) -> Validation:
-    """Over at most ``MOST_TRIALS`` validation trials, each with noise of its own."""
+    """Over at most ``network.validated`` validation trials, each with noise of its own."""
     _, rows = split(len(material.trials), settings.seed, settings.training_share)
     rng = np.random.default_rng(np.random.SeedSequence([settings.seed, 3]))
-    trials = material.trials[np.sort(rng.permutation(rows)[:MOST_TRIALS])]
+    trials = material.trials[np.sort(rng.permutation(rows)[: reconstruction.network.validated])]
     if reconstruction.network.reads == "coordinates":
         change_v = trials.coordinates_v(material.protocol) + material.noise.coordinates(rng, len(trials))
         estimate = reconstruction.estimate_coordinates(change_v)
     else:
-        estimate = reconstruction.estimate(
-            trials.readings_v(material.protocol) + material.noise.readings(rng, len(trials))
-        )
+        readings_v = trials.readings_v(material.protocol) + material.noise.readings(rng, len(trials))
+        change_v = readings_v @ material.protocol.orthonormal
+        estimate = reconstruction.estimate(readings_v)
     scores = evaluate_predictions(
         trials.force_map_n,
         estimate.force_map_n,
@@ -68,4 +73,5 @@ def validate(reconstruction: Reconstruction, material: Material, settings: Train
         contact_m=trials.contact_m,
         located_m=estimate.contact_m,
     )
-    return Validation(scores, material.taxel_m, trials.force_map_n, estimate)
+    true = trials.contact_m, trials.force_n
+    return Validation(scores, change_v, *true, material.taxel_m, trials.force_map_n, estimate)

@@ -7,11 +7,11 @@ import io
 from rich.console import Console
 
 from ertskin.bench.display import Display, print_plan
-from hardware.experiment import Progress
-from hardware.live_checks import Soundness
-from hardware.plan import Plan, Press, ramp, taxel_plan
-from physics.history import Phase
-from physics.sensor import taxel_grid_m
+from ertskin.hardware.experiment import Progress
+from ertskin.hardware.live_checks import Soundness
+from ertskin.hardware.plan import Plan, Press, ramp, taxel_plan
+from ertskin.physics.history import Phase
+from ertskin.physics.sensor import taxel_grid_m
 
 
 def console(terminal: bool = False) -> Console:

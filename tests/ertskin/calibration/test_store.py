@@ -7,8 +7,8 @@ import pytest
 
 from ertskin.calibration import Calibration, load_calibration, save_calibration
 from ertskin.errors import UserError
-from physics.piezo.polynomial import PiezoPolynomial
-from physics.sensor import Layer, Sensor, rectangle_m, taxel_grid_m
+from ertskin.physics.piezo.polynomial import PiezoPolynomial
+from ertskin.physics.sensor import Layer, Sensor, rectangle_m, taxel_grid_m
 
 
 @pytest.fixture

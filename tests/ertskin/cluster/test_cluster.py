@@ -11,13 +11,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import torch  # noqa: F401  brings the threads that are counted
+from small_bench import write_small_bench
+from threadpoolctl import threadpool_info, threadpool_limits
 
 from ertskin.cluster import LocalCluster
 from ertskin.commands.diagnose import Diagnoses
 from ertskin.data.synthesis import Plan, synthesize
 from ertskin.errors import JobFailed
-from hardware.recording import write_recording
-from physics.sensor import taxel_grid_m
+from ertskin.hardware.recording import write_recording
+from ertskin.physics.sensor import taxel_grid_m
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "hardware"))
 from example_recording import example
@@ -27,6 +30,10 @@ WITHOUT_DASK = "Dask is an extra: pip install 'ertskin[cluster]'"
 
 def draw(number):
     return np.random.default_rng(number).standard_normal(3)
+
+
+def openmp_threads(_number=0):
+    return {pool["num_threads"] for pool in threadpool_info() if pool["user_api"] == "openmp"}
 
 
 def fails(number):
@@ -93,11 +100,18 @@ class Bowl:
 
 
 class DiagnosesKilledOnce(Diagnoses):
-    """Kills its worker the first time recording 1 is asked for."""
+    """Kills its worker once, when the diagnosis of recording 1 is on its way."""
 
-    def __call__(self, number):
-        DiesOnce(self.effects.parent.with_name("died"))(2 if number == 1 else number)
-        return super().__call__(number)
+    def diagnosed(self, number, report):
+        marker = self.effects.parent.with_name("died")
+
+        def told(share, text):
+            if number == 1 and (share or 0.0) > 0.3 and not marker.exists():
+                marker.touch()
+                os.kill(os.getpid(), signal.SIGKILL)
+            report(share, text)
+
+        return super().diagnosed(number, told)
 
 
 def as_dict(cluster, compute=draw):
@@ -125,6 +139,14 @@ def test_a_workers_error_is_raised_here():
 def test_a_process_that_dies_costs_only_what_was_not_done(tmp_path):
     assert as_dict(LocalCluster(2), DiesOnce(tmp_path / "died")) == {k: draw(k).tolist() for k in range(5)}
     assert (tmp_path / "died").exists()
+
+
+def test_one_process_is_limited_to_one_thread_only_while_it_computes():
+    with threadpool_limits(2, user_api="openmp"):
+        pieces = LocalCluster(1).spread(openmp_threads, range(2))
+        for _, computing in pieces:
+            assert computing == {1}
+            assert openmp_threads() == {2}
 
 
 def test_processes_that_keep_dying_are_given_up():
@@ -204,24 +226,28 @@ def test_trials_from_a_scheduler_are_those_of_one_process_though_a_worker_was_ki
     assert np.array_equal(there[0].change_ohm, here[0].change_ohm)
 
 
+@pytest.mark.timeout(600)
 def test_diagnoses_from_a_scheduler_are_those_of_one_process_though_a_worker_was_killed(tmp_path, scheduler):
     import json
 
     from ertskin.cluster.dask import DaskCluster
 
-    sources = tuple(tmp_path / f"{name}.h5" for name in ("first", "second"))
-    for seed, source in enumerate(sources):
-        write_recording(source, replace(example(seed), frames=None, coupon=None))
+    sources = (tmp_path / "without_frames.h5", tmp_path / "train.h5")
+    write_recording(sources[0], replace(example(), frames=None, coupon=None))
+    write_small_bench(tmp_path)
     file, processes = scheduler
 
     def written(folder, pieces, cluster):
         folders = tuple(tmp_path / folder / source.stem for source in sources)
         said = dict(cluster.spread(pieces(sources, folders, tmp_path / folder / "conf", "fast"), range(2)))
-        assert [said[number].verdict for number in range(2)] == ["cannot_tell"] * 2
-        return {path.relative_to(tmp_path / folder): path.read_bytes() for path in (tmp_path / folder).rglob("*.*")}
+        assert said[0].verdict == "cannot_tell"
+        assert said[1].verdict == "no_mismatch"
+        files = (path for path in (tmp_path / folder).rglob("*.*") if path.suffix != ".html")
+        return {path.relative_to(tmp_path / folder): path.read_bytes() for path in files}
 
     here = written("here", Diagnoses, LocalCluster(1))
     there = written("there", DiagnosesKilledOnce, DaskCluster(json.loads(file.read_text())["address"]))
+    assert (tmp_path / "died").exists()
     assert sum(process.poll() is None for process in processes) == 2
     assert there == here
 

@@ -5,7 +5,7 @@ import pytest
 
 from ertskin.calibration import load_calibration
 from ertskin.cli import main
-from hardware.virtual.bench import FAST, write_bench
+from ertskin.hardware.virtual.bench import FAST, write_bench
 
 
 @pytest.fixture(scope="module")
@@ -24,6 +24,9 @@ def test_a_bench_gives_back_its_own_numbers(bench, tmp_path, monkeypatch, capsys
     assert found.indenter_n_per_m == pytest.approx(truth.support_n_per_m, rel=0.02)
     assert found.noise_v == pytest.approx(2e-3, rel=0.1)
     assert "direct search" in capsys.readouterr().out
+    page = (tmp_path / "here/report.html").read_text()
+    for words in ("Calibration on quick.h5", "ertskin diagnose recording=", "How well the model fits", "commit "):
+        assert words in page
     drawn = {figure.stem for figure in (tmp_path / "here").glob("*.png")}
     assert {"force_depth", "specimen", "error_surface", "contact_resistance", "model_error_map"} <= drawn
 
@@ -43,6 +46,7 @@ def test_a_coupon_gives_its_modulus(shared_data, tmp_path, monkeypatch):
     found = load_calibration(tmp_path / "coupon/calibration.yaml")
     assert 3e5 < found.foam_modulus_pa < 7e5
     assert found.sensor is None
+    assert "modulus of the foam coupon" in (tmp_path / "coupon/report.html").read_text()
 
 
 def test_nothing_to_calibrate_on_is_said(shared_data, tmp_path, monkeypatch, capsys):

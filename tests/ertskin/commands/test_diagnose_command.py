@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from ertskin import cli
-from hardware.recording import write_recording
+from ertskin.hardware.recording import write_recording
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "hardware"))
 from example_recording import example
@@ -27,7 +27,9 @@ def recordings(tmp_path, monkeypatch):
 
 
 def contents(folder: Path) -> dict[str, bytes]:
-    return {str(path.relative_to(folder)): path.read_bytes() for path in sorted(folder.rglob("*")) if path.is_file()}
+    """All files but the pages, which name the folder they lie in."""
+    files = (path for path in sorted(folder.rglob("*")) if path.is_file() and path.suffix != ".html")
+    return {str(path.relative_to(folder)): path.read_bytes() for path in files}
 
 
 def test_many_at_once_give_what_one_by_one_gives(recordings, capsys):

@@ -7,10 +7,10 @@ import pytest
 from small_skin import SMALL, small_law, small_sensor
 
 from ertskin.data.forward import PressForward
-from physics.effects.registry import build_effects
-from physics.history import History
-from physics.protocol import Protocol, electrode_pairs
-from physics.skin import Skin
+from ertskin.physics.effects.registry import build_effects
+from ertskin.physics.history import History
+from ertskin.physics.protocol import Protocol, electrode_pairs
+from ertskin.physics.skin import Skin
 
 PRESSES_M = np.array(
     [[[0.02, 0.03], [np.nan, np.nan]], [[0.02, 0.03], [0.042, 0.015]], [[0.033, 0.041], [0.011, 0.01]]]

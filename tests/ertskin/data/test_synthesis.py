@@ -5,7 +5,7 @@ import pytest
 
 from ertskin.cluster import LocalCluster
 from ertskin.data.synthesis import Plan, synthesize
-from physics.sensor import taxel_grid_m
+from ertskin.physics.sensor import taxel_grid_m
 
 GRID = taxel_grid_m((0.06, 0.06), 3, 3)
 PLAN = Plan(steps=5, trials=70, denoiser_trials=20, shard=30)

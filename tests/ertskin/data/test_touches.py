@@ -1,15 +1,17 @@
 """Changes are counted from the right zero, and belong to the right taxels."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from ertskin.data.baseline import rest_weights
 from ertskin.data.touches import touches_of
 from ertskin.errors import UserError
-from hardware.recording import Frames, Recording
-from physics.history import History
-from physics.protocol import Protocol, electrode_pairs
-from physics.sensor import taxel_grid_m
+from ertskin.hardware.recording import Frames, Recording
+from ertskin.physics.history import History
+from ertskin.physics.protocol import Protocol, electrode_pairs
+from ertskin.physics.sensor import taxel_grid_m
 
 PROTOCOL = Protocol.against_sink(electrode_pairs(6), 6, 1e-4)
 GRID = taxel_grid_m((0.06, 0.06), 3, 3)
@@ -64,3 +66,20 @@ def test_forces_lie_on_the_taxels_pressed():
 def test_rest_frames_come_along_when_asked_for():
     assert len(touches_of(recording())) == 24
     assert len(touches_of(recording(), rests=True)) == 36
+
+
+def test_readings_lost_or_never_taken_change_no_touch():
+    whole = recording()
+    measured = np.ones(PROTOCOL.shape, dtype=bool)
+    measured[3, 4] = measured[7, 1] = False
+    protocol = replace(PROTOCOL, measured=measured)
+    voltage = protocol.gapped(whole.frames.voltage_v)
+    voltage[5, 2, 3] = voltage[8, 9, 0] = np.nan
+    voltage[10, 1:] = np.nan
+    frames = Frames(voltage.astype(np.float32), whole.frames.history)
+    touches = touches_of(replace(whole, protocol=protocol, frames=frames))
+    assert len(touches) == 23
+    assert np.isfinite(touches.readings_v).all()
+    assert not touches.readings_v.reshape(-1, *PROTOCOL.shape)[:, ~measured].any()
+    expected = np.outer(touches.history.force_n[:, 0], np.linspace(-50, 50, PAIRS))
+    assert np.sqrt(np.mean((touches.change_v - protocol.whitened(expected)) ** 2)) < 2e-5

@@ -8,9 +8,9 @@ from test_forward import skin
 
 from ertskin.data.forward import PressForward
 from ertskin.data.trial_forward import TrialForward
-from physics.conduction.mesh import Grading
-from physics.conduction.sheet import Resolution
-from physics.protocol import Protocol, electrode_pairs
+from ertskin.physics.conduction.mesh import Grading
+from ertskin.physics.conduction.sheet import Resolution
+from ertskin.physics.protocol import Protocol, electrode_pairs
 
 COARSE = Resolution(2, Grading(cell_m=6e-3, rim_m=2e-3, growth=2.0))
 PLACES_M = np.array([[0.02, 0.03], [0.042, 0.015], [0.033, 0.048]])

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from ertskin.diagnosis.any_recording import diagnose_any
-from ertskin.diagnosis.claims import Diagnosis
-from hardware.recording import Recording, RigidBlock, read_recording
-from hardware.virtual.bench import FAST, write_bench
+from ertskin.diagnosis.contract.claims import Diagnosis
+from ertskin.hardware.recording import Recording, RigidBlock, read_recording
+from ertskin.hardware.virtual.bench import FAST, write_bench
 
 
 @pytest.fixture(scope="module")

@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 from ertskin.diagnosis.any_recording import diagnose_any
-from ertskin.diagnosis.claims import Diagnosis
-from hardware.recording import read_recording
-from hardware.virtual.bench import FAST, write_bench
+from ertskin.diagnosis.contract.claims import Diagnosis
+from ertskin.hardware.recording import read_recording
+from ertskin.hardware.virtual.bench import FAST, write_bench
 
 
 def diagnosed(folder: Path, hidden: dict[str, float], seed: int) -> Diagnosis:
@@ -27,7 +27,7 @@ def test_nothing_is_named_where_nothing_was_left_out(tmp_path: Path) -> None:
 
 
 @pytest.mark.timeout(300)
-@pytest.mark.parametrize("name", ["piezo_hysteresis", "crosstalk"])
+@pytest.mark.parametrize("name", ["piezo_hysteresis", "crosstalk", "self_heating"])
 def test_what_was_left_out_is_named_and_predicts(tmp_path: Path, name: str) -> None:
     found = diagnosed(tmp_path, {name: 1.0}, seed=6)
     assert found.claims[0].effect.name == name
@@ -37,6 +37,17 @@ def test_what_was_left_out_is_named_and_predicts(tmp_path: Path, name: str) -> N
     assert after is not None
     assert before > 1.2
     assert after < 1 + 0.2 * (before - 1)
+
+
+@pytest.mark.timeout(300)
+def test_a_sheet_warmed_by_the_scan_is_known_by_how_much_and_how_fast(tmp_path: Path) -> None:
+    """The bench's readings rise by a share of their own; the model's sheet by the power of the injections before."""
+    path = tmp_path / "hidden.h5"
+    truth = write_bench(path, "quick", {"self_heating": 2.0}, seed=8, resolution=FAST).parameters("self_heating")
+    (claim,) = diagnose_any(read_recording(path), path.name, lambda share, text: None, "fast").diagnosis.claims
+    assert claim.effect.name == "self_heating"
+    assert claim.parameters["rise"].value == pytest.approx(truth["share"], rel=0.05)
+    assert claim.parameters["settle_scans"].value == pytest.approx(truth["settle_scans"], rel=0.05)
 
 
 @pytest.mark.timeout(300)

@@ -10,24 +10,34 @@ import pytest
 import yaml
 
 from ertskin.diagnosis.any_recording import diagnose_any
-from ertskin.diagnosis.claims import Claim, Diagnosis, Estimate, HeldOut, confidences, gathered, verdict_of
-from ertskin.diagnosis.force_fit import STARTS, ForceData, fit_force, select_force_effects
-from ertskin.diagnosis.least_squares import Quadratic, descend
-from ertskin.diagnosis.predictions import broad_ratio
-from ertskin.diagnosis.sensitivity import Hats
-from ertskin.diagnosis.written import config_name, write_diagnosis, write_effects
-from hardware.recording import Frames, Recording
-from physics.effects.channel_gain import ChannelGain
-from physics.effects.contact_drift import ContactDrift
-from physics.effects.foam_hysteresis import FoamHysteresis
-from physics.effects.nonlinear_foam import NonlinearFoam
-from physics.effects.piezo_hysteresis import PiezoHysteresis
-from physics.effects.registry import build_effects
-from physics.effects.viscoelastic_foam import ViscoelasticFoam
-from physics.history import History
-from physics.mechanics.reaction import foam_force_n
-from physics.protocol import Protocol, electrode_pairs
-from physics.sensor import Sensor, rectangle_m
+from ertskin.diagnosis.contract.claims import (
+    Claim,
+    Diagnosis,
+    Estimate,
+    HeldOut,
+    Tried,
+    confidences,
+    gathered,
+    verdict_of,
+)
+from ertskin.diagnosis.fit.levenberg_marquardt import Quadratic, descend
+from ertskin.diagnosis.force.fit import ForceData, fit_force, force_starts, select_force_effects
+from ertskin.diagnosis.judge.held_out import broad_ratio
+from ertskin.diagnosis.linear.sensitivity import Hats
+from ertskin.diagnosis.output.diagnosis_file import write_diagnosis, write_effects
+from ertskin.diagnosis.output.names import config_name
+from ertskin.hardware.recording import Frames, Recording
+from ertskin.physics.effects.channel_gain import ChannelGain
+from ertskin.physics.effects.contact_drift import ContactDrift
+from ertskin.physics.effects.foam_hysteresis import FoamHysteresis
+from ertskin.physics.effects.nonlinear_foam import NonlinearFoam
+from ertskin.physics.effects.piezo_hysteresis import PiezoHysteresis
+from ertskin.physics.effects.registry import build_effects
+from ertskin.physics.effects.viscoelastic_foam import ViscoelasticFoam
+from ertskin.physics.history import History
+from ertskin.physics.mechanics.reaction import foam_force_n
+from ertskin.physics.protocol import Protocol, electrode_pairs
+from ertskin.physics.sensor import Sensor, rectangle_m
 
 
 def silent(share: float | None, text: str) -> None:
@@ -91,8 +101,11 @@ def test_written_diagnosis_keeps_the_contract_and_its_effects_build(tmp_path) ->
     effect = PiezoHysteresis(width=0.15)
     claim = Claim(effect, 0.97, 1.2, {"width": Estimate(0.15, 0.14, 0.16, "1")}, (("piezo_creep", 0.03),))
     held = HeldOut("every third press", 0.002, 1.8, 1.01, 1e-12, 0.5, 0.02)
-    path = write_diagnosis(tmp_path, Diagnosis("a.h5", "explained", held, "piezoresistance", claims=(claim,)))
-    found = json.loads(path.read_text())
+    tried = (Tried(("piezo_creep",), 12.04, False), Tried(("piezo_hysteresis",), 90.0, True))
+    said = Diagnosis("a.h5", "explained", held, "piezoresistance", claims=(claim,), specimen="agrees", tried=tried)
+    found = json.loads(write_diagnosis(tmp_path, said).read_text())
+    assert found["specimen"] == "agrees"
+    assert found["tried"][0] == {"effects": ["piezo_creep"], "gain": 12.0, "kept": False}
     assert found["format"] == "ertskin-diagnosis"
     assert found["format_version"] == 1
     assert set(found["where"]) == {"stage", "electrodes", "position_m", "radius_m", "depends_on"}
@@ -145,7 +158,7 @@ def test_a_loss_is_found_though_every_step_turns_it_right_round(loss: float) -> 
     force = foam_force_n(history, 1800.0, 9000.0, 0.004, hidden)
     force = force + 0.01 * np.random.default_rng(4).standard_normal(force.shape)
     data = ForceData(replace(history, force_n=force), 0.01, 9000.0, 1e-3, 0.004)
-    fits = [fit_force(data, [start]) for start in STARTS["foam_hysteresis"]]
+    fits = [fit_force(data, [start]) for start in force_starts()["foam_hysteresis"]]
     best = min(fits, key=lambda fit: fit.chi_square)
     assert best.chi_square < 1.4 * data.used.sum()
     assert best.effects[0].loss == pytest.approx(loss, rel=0.25)  # type: ignore[attr-defined]

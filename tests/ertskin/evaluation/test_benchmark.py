@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import resistor_sheet
@@ -18,7 +20,7 @@ from ertskin.evaluation.yardsticks import Ridge
 from ertskin.models.estimate import Estimate
 from ertskin.models.network import Network
 from ertskin.models.reconstruction import Reconstruction
-from physics.history import History
+from ertskin.physics.history import History
 
 TAXEL_M = resistor_sheet.taxel_m()
 PROTOCOL = resistor_sheet.protocol()
@@ -52,7 +54,9 @@ def touches(count: int, contacts: int, seed: int) -> Touches:
         frames * 1.0, frames, np.ones(count, np.uint8), trials.contact_m, 0 * trials.force_n, trials.force_n
     )
     raw_v = trials.readings_v(PROTOCOL) + 1.0  # marked, to be told from the coordinates
-    return Touches(PROTOCOL, change_v, raw_v.astype(np.float32), history, np.zeros((1, *PROTOCOL.shape)))
+    return Touches(
+        PROTOCOL, change_v, raw_v.astype(np.float32), history, np.zeros((1, *PROTOCOL.shape)), np.zeros(count)
+    )
 
 
 @pytest.fixture(scope="module")
@@ -73,7 +77,9 @@ def test_contacts_off_the_grid_are_refused():
 
 @pytest.mark.parametrize(("reads", "fed"), [("coordinates", "change_v"), ("readings", "readings_v")])
 def test_a_network_is_fed_what_it_reads(frames, reads, fed):
-    result = network_result("echo", {3: Reconstruction(PROTOCOL, Echo(reads), None, {"run_id": "abc"})}, frames)
+    result = network_result(
+        "echo", {3: Reconstruction(PROTOCOL, Echo(reads), None, {"run_id": "abc"})}, lambda trained: frames
+    )
     expected = getattr(frames, fed)[:, :9].astype(np.float32)
     np.testing.assert_array_equal(result.runs[0].outcome.map_n, expected)
     assert (result.kind, result.runs[0].seed, result.runs[0].run_id) == ("network", 3, "abc")
@@ -96,7 +102,7 @@ def test_the_whole_panel_is_ordered_as_it_should_be(frames):
     material = resistor_sheet.material(None, 900)
     rng = np.random.default_rng(0)
     noisy_v = frames.change_v + material.noise.coordinates(rng, len(frames.change_v))
-    noisy = TestFrames(frames.taxel_m, noisy_v, frames.readings_v, frames.true_map_n, frames.contact_m)
+    noisy = replace(frames, change_v=noisy_v)
 
     def no_sheet():
         raise AssertionError("only imaging asks for the sheet")

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from ertskin.evaluation.yardsticks.imaging_jacobian import imaging_jacobian
-from physics.conduction.sheet import SheetModel
-from physics.protocol import Protocol, electrode_pairs
-from physics.sensor import Sensor, rectangle_m, taxel_grid_m
+from ertskin.physics.conduction.sheet import SheetModel
+from ertskin.physics.protocol import Protocol, electrode_pairs
+from ertskin.physics.sensor import Sensor, rectangle_m, taxel_grid_m
 
 
 @pytest.fixture(scope="module")

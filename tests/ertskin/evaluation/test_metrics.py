@@ -17,7 +17,7 @@ from ertskin.evaluation.metrics import (
 )
 from ertskin.evaluation.outcome import Outcome, force_map_n
 from ertskin.evaluation.predictions import as_plain, evaluate_predictions, tuned_threshold_n
-from physics.sensor import taxel_grid_m
+from ertskin.physics.sensor import taxel_grid_m
 
 TAXEL_M = taxel_grid_m((0.12, 0.12), 6, 6)
 

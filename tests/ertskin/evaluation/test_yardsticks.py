@@ -14,8 +14,8 @@ from ertskin.evaluation.yardsticks import GaussNewtonImaging, KernelRidge, Maxim
 from ertskin.evaluation.yardsticks.cramer_rao import force_bound_n
 from ertskin.evaluation.yardsticks.forward import Response
 from ertskin.evaluation.yardsticks.held_out_regime import force_bands
-from physics.protocol import Protocol, electrode_pairs
-from physics.sensor import taxel_grid_m
+from ertskin.physics.protocol import Protocol, electrode_pairs
+from ertskin.physics.sensor import taxel_grid_m
 
 TAXEL_M = taxel_grid_m((0.06, 0.06), 3, 3)
 PROTOCOL = Protocol.against_sink(electrode_pairs(8), 8, 1e-3)

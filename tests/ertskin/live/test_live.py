@@ -14,6 +14,9 @@ import numpy as np
 import pytest
 from test_live_network import PROTOCOL, TAXEL_M, reconstruction
 
+from ertskin.hardware.instrument import Scan
+from ertskin.hardware.recording import Frames, Recording, read_recording, write_recording
+from ertskin.hardware.validate import validate
 from ertskin.live.export import export_onnx
 from ertskin.live.keeping import Keeper
 from ertskin.live.message import fault_of, line_of, message_of
@@ -21,10 +24,7 @@ from ertskin.live.predictor import Kind, Predictor
 from ertskin.live.server import GUARD, PAGE, Channel, LiveServer
 from ertskin.live.session import Session
 from ertskin.models.estimate import Estimate
-from hardware.instrument import Scan
-from hardware.recording import Frames, Recording, read_recording, write_recording
-from hardware.validate import validate
-from physics.history import History
+from ertskin.physics.history import History
 
 
 class Told:

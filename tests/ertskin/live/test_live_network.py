@@ -21,8 +21,8 @@ from ertskin.models.network import Network
 from ertskin.models.places import PlacesNetwork
 from ertskin.models.reciprocal import ReciprocalNetwork
 from ertskin.models.reconstruction import Reconstruction
-from physics.protocol import Protocol, electrode_pairs
-from physics.sensor import taxel_grid_m
+from ertskin.physics.protocol import Protocol, electrode_pairs
+from ertskin.physics.sensor import taxel_grid_m
 
 ELECTRODES = 8
 PROTOCOL = Protocol.against_sink(electrode_pairs(ELECTRODES), ELECTRODES, 1e-4)

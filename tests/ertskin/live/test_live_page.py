@@ -14,7 +14,7 @@ from browser import Browser
 from ertskin.live.message import fault_of, line_of, message_of
 from ertskin.live.server import Channel, LiveServer
 from ertskin.live.session import Contact, LiveFrame
-from physics.sensor import taxel_grid_m
+from ertskin.physics.sensor import taxel_grid_m
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 TAXEL_M = taxel_grid_m((0.12, 0.12), 6, 6)

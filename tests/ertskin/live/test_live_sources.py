@@ -13,15 +13,15 @@ from pathlib import Path
 import numpy as np
 from test_live_network import PROTOCOL
 
+from ertskin.hardware.recording import Frames
+from ertskin.hardware.virtual.fault_trial import small_bench
 from ertskin.live.export import export_onnx
 from ertskin.live.sources import scans_of_reader, scans_of_recording
 from ertskin.models.reciprocal import ReciprocalNetwork
 from ertskin.models.reconstruction import Reconstruction
-from hardware.recording import Frames
-from hardware.virtual.fault_trial import small_bench
-from physics.history import History
-from physics.protocol import Protocol, electrode_pairs
-from physics.sensor import taxel_grid_m
+from ertskin.physics.history import History
+from ertskin.physics.protocol import Protocol, electrode_pairs
+from ertskin.physics.sensor import taxel_grid_m
 
 
 def test_a_reader_that_fails_is_told_of_and_read_again() -> None:
@@ -67,7 +67,8 @@ def test_the_virtual_bench_is_watched_until_interrupted(tmp_path: Path) -> None:
     process.send_signal(signal.SIGINT)
     _, wrong = process.communicate(timeout=90)
     assert process.returncode == 130
-    assert wrong == "ertskin: stopped\n"
+    unknown = "ertskin: this network does not know its resting skin: zeroing alone"
+    assert wrong.splitlines() == [unknown, "ertskin: stopped"]
     assert [message["frame"] for message in messages] == [1, 2, 3, 4, 5]
     assert [message["zeroing"] for message in messages] == [True, True, False, False, False]
     assert abs(messages[0]["header"]["stamp"]["sec"] - time.time()) < 600

@@ -11,7 +11,7 @@ from ertskin.models.batch_norm import BatchNorm
 from ertskin.models.denoiser import Denoiser
 from ertskin.models.masked import MaskedNetwork
 from ertskin.models.readings_layer import ReadingsLayer, distinct_rows
-from physics.noise import WhiteNoise
+from ertskin.physics.noise import WhiteNoise
 
 TAXELS = [[0.01 * k, 0.0] for k in range(36)]
 

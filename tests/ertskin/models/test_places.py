@@ -8,9 +8,9 @@ from resistor_sheet import SIZE_M, mixed, protocol, taxel_m, trials
 from ertskin.data.trials import joined
 from ertskin.models.places import PlacesNetwork, counted, grid_spacing_m, nearest_contacts, on_taxels
 from ertskin.models.reconstruction import Reconstruction
+from ertskin.physics.noise import WhiteNoise
 from ertskin.training.fit import fit
 from ertskin.training.settings import TrainerSettings
-from physics.noise import WhiteNoise
 
 
 def test_two_half_votes_for_one_place_are_one_contact_in_between():

@@ -11,12 +11,12 @@ from ertskin.evaluation.metrics import Score
 from ertskin.evaluation.outcome import Outcome
 from ertskin.evaluation.predictions import evaluate_outcome
 from ertskin.evaluation.results import MethodResult, SeedResult
+from ertskin.hardware.measurement import Frames, Recording
+from ertskin.physics.history import History
+from ertskin.physics.piezo.polynomial import PiezoPolynomial
+from ertskin.physics.protocol import Protocol, electrode_pairs
+from ertskin.physics.sensor import Layer, Sensor, rectangle_m, taxel_grid_m
 from ertskin.report.report import ReportInputs
-from hardware.measurement import Frames, Recording
-from physics.history import History
-from physics.piezo.polynomial import PiezoPolynomial
-from physics.protocol import Protocol, electrode_pairs
-from physics.sensor import Layer, Sensor, rectangle_m, taxel_grid_m
 
 TAXEL_M = taxel_grid_m((0.12, 0.12), 6, 6)
 

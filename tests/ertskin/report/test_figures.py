@@ -9,6 +9,7 @@ import pytest
 from matplotlib.figure import Figure
 from matplotlib.image import imread
 
+from ertskin.physics.sensor import Sensor, rectangle_m, taxel_grid_m
 from ertskin.report.figures.contact_resistance_fit import contact_resistance_fit
 from ertskin.report.figures.error_surface import error_surface
 from ertskin.report.figures.force_depth import force_depth
@@ -23,7 +24,6 @@ from ertskin.report.figures.sensor_layout import sensor_layout
 from ertskin.report.figures.specimen import specimen
 from ertskin.report.figures.taxel_map import taxel_map
 from ertskin.report.figures.two_point_panels import two_point_panels
-from physics.sensor import Sensor, rectangle_m, taxel_grid_m
 
 TAXEL_M = taxel_grid_m((0.12, 0.12), 6, 6)
 RNG = np.random.default_rng(0)

@@ -1,5 +1,7 @@
 """Training cut off anywhere and started again ends with the very same weights."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -9,9 +11,9 @@ from ertskin.data.tensors import TrialTensors
 from ertskin.errors import JobFailed
 from ertskin.models.masked import MaskedNetwork
 from ertskin.models.reciprocal import ReciprocalNetwork
+from ertskin.physics.noise import WhiteNoise
 from ertskin.training import fit as fitting
 from ertskin.training.settings import TrainerSettings
-from physics.noise import WhiteNoise
 
 SETTINGS = TrainerSettings(batch=16, max_epochs=4, batches_per_chunk=2, checkpoint_s=0.0, accelerator="cpu", seed=3)
 
@@ -27,7 +29,7 @@ def network_and_trials() -> tuple[ReciprocalNetwork, TrialTensors]:
     return network, network.prepare(skin, trials, WhiteNoise(skin, 1e-4), seed=0)
 
 
-def trained(folder, cut_at: int | None = None, attempt: int = 0) -> dict[str, torch.Tensor]:
+def trained(folder, cut_at: int | None = None, attempt: int = 0, log=None, **changed) -> dict[str, torch.Tensor]:
     """Weights after training on ``folder``; with ``cut_at`` the process "dies" in that training step.
 
     Every attempt but the first starts from another state of the random generator, as a new process would.
@@ -42,7 +44,7 @@ def trained(folder, cut_at: int | None = None, attempt: int = 0) -> dict[str, to
         whole_step(batches, batch_idx)
 
     network.training_step = step
-    fitting.fit(network, trials, SETTINGS, folder)
+    fitting.fit(network, trials, replace(SETTINGS, **changed), folder, log=log)
     return network.state_dict()
 
 
@@ -58,6 +60,27 @@ def test_cut_off_in_any_step_and_resumed_the_weights_are_bit_identical(tmp_path,
         with pytest.raises(Cut):
             trained(tmp_path, cut_at=step, attempt=attempt)
     resumed = trained(tmp_path, attempt=len(steps))
+    assert all(torch.equal(resumed[name], undisturbed[name]) for name in undisturbed)
+
+
+@pytest.mark.parametrize("cut_at", [1, 7, 10])
+def test_a_resumed_training_says_from_which_epoch_and_keeps_its_curves(tmp_path, capsys, cut_at):
+    whole, parts = {}, {}
+    trained(tmp_path / "whole", log=lambda losses, epoch: whole.update({epoch: losses}), annealed=True)
+    with pytest.raises(Cut):
+        trained(tmp_path / "cut", cut_at, log=lambda losses, epoch: parts.update({epoch: losses}), annealed=True)
+    assert "going on" not in capsys.readouterr().err
+    trained(tmp_path / "cut", attempt=1, log=lambda losses, epoch: parts.update({epoch: losses}), annealed=True)
+    assert f"training: going on from epoch {cut_at // 7 + 1} of at most 4\n" in capsys.readouterr().err
+    assert parts == whole
+    assert all(np.isfinite(losses["training_loss"]) for losses in whole.values())
+    assert whole[3]["training_loss"] < whole[0]["training_loss"]
+
+
+def test_a_training_goes_on_with_the_chunks_it_was_begun_with(tmp_path, undisturbed):
+    with pytest.raises(Cut):
+        trained(tmp_path, cut_at=3)
+    resumed = trained(tmp_path, attempt=1, batches_per_chunk=5)
     assert all(torch.equal(resumed[name], undisturbed[name]) for name in undisturbed)
 
 

@@ -13,9 +13,9 @@ from ertskin.data.material import Material
 from ertskin.errors import JobFailed
 from ertskin.models.denoiser import Denoiser
 from ertskin.models.masked import MaskedNetwork
+from ertskin.physics.noise import WhiteNoise
 from ertskin.training.reconstruct import train_reconstruction
 from ertskin.training.settings import TrainerSettings
-from physics.noise import WhiteNoise
 
 SETTINGS = TrainerSettings(batch=16, max_epochs=3, accelerator="cpu", seed=3)
 

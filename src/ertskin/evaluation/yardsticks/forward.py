@@ -8,7 +8,7 @@ from scipy.interpolate import CubicSpline
 
 from ertskin.data.synthesis import Forward
 from ertskin.evaluation.yardsticks.yardstick import Array
-from physics.protocol import Protocol
+from ertskin.physics.protocol import Protocol
 
 Indices = NDArray[np.intp]
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from ertskin.evaluation.yardsticks.yardstick import Array
-from physics.conduction.sheet import Solution
-from physics.protocol import Protocol
+from ertskin.physics.conduction.sheet import Solution
+from ertskin.physics.protocol import Protocol
 
 
 def imaging_jacobian(solution: Solution, protocol: Protocol, columns: int = 24) -> tuple[Array, Array]:

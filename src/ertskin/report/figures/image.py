@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import base64
 import io
-import os
 from pathlib import Path
 
 from matplotlib.figure import Figure
+
+from ertskin.files import write_whole
 
 
 def png(figure: Figure) -> bytes:
@@ -24,8 +25,4 @@ def data_uri(content: bytes) -> str:
 
 def save_png(figure: Figure, path: Path) -> Path:
     """Write the PNG aside and rename it into place; returns ``path``."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    aside = path.with_suffix(f".{os.getpid()}.tmp")
-    aside.write_bytes(png(figure))
-    os.replace(aside, path)
-    return path
+    return write_whole(path, png(figure))

@@ -6,8 +6,8 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from ertskin.physics.history import Phase
 from ertskin.report.figures.style import BLUE, ORANGE, panels, styled
-from physics.history import Phase
 
 Array = NDArray[np.float64]
 

@@ -6,8 +6,8 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
+from ertskin.physics.sensor import Sensor
 from ertskin.report.figures.style import BLUE, FAINT, INK, ORANGE, panels, styled
-from physics.sensor import Sensor
 
 
 @styled

@@ -25,7 +25,7 @@ def draw_taxels(
 ) -> PatchCollection:
     """Squares of one pitch round the taxels (n,2), coloured and lettered by ``value`` (n,); NaN stays blank."""
     taxel_mm = 1e3 * taxel_m
-    apart_mm = np.linalg.norm(taxel_mm[:, None] - taxel_mm, axis=-1)
+    apart_mm = np.abs(taxel_mm[:, None] - taxel_mm).max(axis=-1)  # So that squares side by side never overlap.
     pitch_mm = apart_mm[~np.eye(len(taxel_mm), dtype=bool)].min() if len(taxel_mm) > 1 else 10.0
     corners = taxel_mm - 0.47 * pitch_mm
     squares = PatchCollection([Rectangle((x, y), 0.94 * pitch_mm, 0.94 * pitch_mm) for x, y in corners])

@@ -34,9 +34,12 @@ def _pictures(folder: Path) -> list[Picture]:
 
 def _facts(calibration: Calibration) -> tuple[tuple[str, str], ...]:
     facts = [("recording", calibration.recording)]
-    sensor = calibration.known_sensor
-    facts += [(f"modulus of {layer.name}", f"{1e-3 * layer.youngs_modulus_pa:.4g} kPa") for layer in sensor.layers]
-    facts.append(("sheet resistance", f"{1e-3 * sensor.sheet_resistance_ohm_sq:.4g} kΩ/sq"))
+    sensor = calibration.sensor
+    if sensor is not None:
+        facts += [(f"modulus of {layer.name}", f"{1e-3 * layer.youngs_modulus_pa:.4g} kPa") for layer in sensor.layers]
+        facts.append(("sheet resistance", f"{1e-3 * sensor.sheet_resistance_ohm_sq:.4g} kΩ/sq"))
+    if calibration.foam_modulus_pa is not None:
+        facts.append(("modulus of the foam coupon", f"{1e-3 * calibration.foam_modulus_pa:.4g} kPa"))
     if calibration.indenter_n_per_m is not None:
         facts.append(("stiffness of the indenter's support", f"{1e-3 * calibration.indenter_n_per_m:.4g} N/mm"))
     if calibration.contact_resistance_ohm is not None:

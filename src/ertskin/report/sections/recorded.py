@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from ertskin.hardware.measurement import Recording
 from ertskin.report.figures.recording_timeline import recording_timeline
 from ertskin.report.figures.sensor_layout import sensor_layout
 from ertskin.report.page import Picture, Section
-from hardware.measurement import Recording
 
 
 def recorded(recordings: dict[str, Recording]) -> Section:

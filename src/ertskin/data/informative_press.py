@@ -1,0 +1,181 @@
+"""The press that would tell most about a skin, and how accurate the skin is by now.
+
+What the skin does beyond the simulator is six slowly varying numbers (``local_discrepancy``). How well a Gaussian
+process knows them at a place depends on where was pressed, not on what came of it (Rasmussen & Williams 2006, 2.2);
+what their errors do to place and force of a contact is told by the calibrated response. So the error at every place of
+the sheet can be stated before a press is made, and the press chosen that lowers its mean most: integrated variance, one
+press at a time (Sacks et al., Statistical Science 4 (1989) 409). How far and how strongly the numbers vary is not known
+while presses are few: every length and variance counts by how likely the presses so far make it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ertskin.data.local_discrepancy import EXPECTED, MODES, coefficients, evidences, modes, process_covariance
+from ertskin.physics.touch.posterior import SHAPE_M
+from ertskin.physics.touch.table import ResponseTable
+
+Array = NDArray[np.float64]
+
+CELL_M = 0.015
+"""The sheet is judged in the middle of cells no larger than this."""
+FORCE_SHARES = (0.2, 0.5, 1.0)
+"""Shares of the largest force at which it is judged."""
+DECADES = 1.0
+"""Powers of ten, one standard deviation, to which a process's variance is known beforehand: ``EXPECTED`` squared."""
+UNLIKELY = 1e-2
+"""Lengths and variances that are less likely than this share of the likeliest are left out."""
+
+
+@dataclass(frozen=True)
+class Accuracy:
+    """Rms errors over sheet and forces that one contact is expected to be found with."""
+
+    force_n: float
+    location_m: float
+
+    def __str__(self) -> str:
+        return f"{self.force_n:.2g} N and {1e3 * self.location_m:.2g} mm"
+
+    def within(self, wanted: Accuracy) -> bool:
+        """Whether both errors are as small as those ``wanted``."""
+        return self.force_n <= wanted.force_n and self.location_m <= wanted.location_m
+
+    def cost(self, wanted: Accuracy) -> float:
+        """Mean square error, each in units of what is ``wanted``."""
+        return (self.force_n / wanted.force_n) ** 2 + (self.location_m / wanted.location_m) ** 2
+
+
+class PressDesign:
+    """What presses at (N,2) with (N,) newton leave unknown, and what one press more would."""
+
+    def __init__(self, table: ResponseTable, contact_m: Array, force_n: Array, seen: Array, largest_n: float) -> None:
+        """``seen`` (N,D): what they showed in the table's coordinates, in units of the noise; ``largest_n``: the force
+        up to which the sheet is judged."""
+        self.table, self.contact_m, self.force_n = table, contact_m, force_n
+        basis = modes(table, contact_m, force_n)
+        numbers, self.noise = coefficients(basis, seen - table.alone(contact_m, force_n))
+        self.processes = [
+            likely(evidences(contact_m, force_n, numbers[:, m], self.noise[:, m])) for m in range(len(MODES))
+        ]
+        self.judged_m, self.judged_n = judged(table, largest_n)
+        self._response = _Response.of(modes(table, self.judged_m, self.judged_n))
+
+    def accuracy(self) -> Accuracy:
+        """As of now."""
+        none = np.zeros((0, 2)), np.zeros((0, 0)), np.zeros((0, 0, len(MODES)))
+        return self._accuracy(self._variances(*none)[0])
+
+    def accuracies(self, place_m: Array, force_n: Array) -> list[Accuracy]:
+        """After one press more, for each of the places (C,2), pressed with the forces (F,)."""
+        forces = np.tile(force_n, (len(place_m), 1))
+        basis = modes(self.table, np.repeat(place_m, len(force_n), axis=0), forces.ravel())
+        _, noise = coefficients(basis, np.zeros((len(basis), basis.shape[2])))
+        return [
+            self._accuracy(v) for v in self._variances(place_m, forces, noise.reshape(*forces.shape, len(MODES)))[1:]
+        ]
+
+    def _accuracy(self, variance: Array) -> Accuracy:
+        log_force, place_m2 = self._response.errors(variance)
+        return Accuracy(float(np.sqrt(np.mean(log_force * self.judged_n**2))), float(np.sqrt(np.mean(place_m2))))
+
+    def _variances(self, place_m: Array, force_n: Array, noise: Array) -> Array:
+        """(1+C,J,6) of the numbers where the sheet is judged: as of now, then after each candidate (C,2), (C,F)."""
+        total = np.zeros((1 + len(place_m), len(self.judged_n), len(MODES)))
+        for m, process in enumerate(self.processes):
+            for share, length, variance in process:
+                total[..., m] += share * self._reduced(
+                    length, variance, self.noise[:, m], place_m, force_n, noise[..., m]
+                )
+        return total
+
+    def _reduced(
+        self, length: float, variance: float, noise: Array, place_m: Array, force_n: Array, new_noise: Array
+    ) -> Array:
+        """(1+C,J) variances of one number under one length and variance of its process."""
+
+        def between(a_m: Array, a_n: Array, b_m: Array, b_n: Array) -> Array:
+            return process_covariance(a_m, a_n, b_m, b_n, length, variance)
+
+        new_m, new_n = np.repeat(place_m, force_n.shape[1], axis=0), force_n.ravel()
+        own = self.contact_m, self.force_n
+        inverse = np.linalg.inv(between(*own, *own) + np.diag(noise))
+        to_judged, to_new = between(*own, self.judged_m, self.judged_n), between(*own, new_m, new_n)
+        known = inverse @ to_new
+        now = variance - np.einsum("nj,nj->j", to_judged, inverse @ to_judged)
+        across = (between(self.judged_m, self.judged_n, new_m, new_n) - to_judged.T @ known).reshape(
+            len(now), *force_n.shape
+        )
+        rows = [now]
+        for c, (place, force) in enumerate(zip(place_m, force_n, strict=True)):
+            some = slice(c * len(force), (c + 1) * len(force))
+            places = np.tile(place, (len(force), 1))
+            within = between(places, force, places, force) - to_new[:, some].T @ known[:, some]
+            told = np.linalg.solve(within + np.diag(new_noise[c]), across[:, c].T)
+            rows.append(now - np.einsum("jf,fj->j", across[:, c], told))
+        return np.maximum(np.stack(rows), 0.0)
+
+
+@dataclass(frozen=True, eq=False)
+class _Response:
+    """Products (J,3,3) of the response's slopes by log force, x, y, of its shapes, and of the ones with the others."""
+
+    slopes: Array
+    shapes: Array
+    mixed: Array
+
+    @classmethod
+    def of(cls, basis: Array) -> _Response:
+        slope, shape = basis[:, :3], basis[:, 3:]
+        return cls(
+            np.einsum("jad,jbd->jab", slope, slope),
+            np.einsum("jad,jbd->jab", shape, shape),
+            np.einsum("jad,jbd->jab", slope, shape),
+        )
+
+    def errors(self, variance: Array) -> tuple[Array, Array]:
+        """(J,) variances of the log force and of the place in m^2, under variances (J,6) of the ``MODES``.
+
+        An error of size or shift is one of force or place, as large; shapes that aren't known are fitted too, within
+        their variance, and what that leaves of the reading's noise is left.
+        """
+        prior = 1.0 / np.maximum(variance[:, 3:], 1e-12)[..., None] * np.eye(3)
+        told = self.slopes - self.mixed @ np.linalg.solve(self.shapes + prior, self.mixed.swapaxes(1, 2))
+        read = np.diagonal(np.linalg.inv(told), axis1=1, axis2=2)
+        size, x, y = (variance[:, :3] + read).T
+        return size, SHAPE_M**2 * (x + y)
+
+
+def likely(found: list[tuple[float, float, float]]) -> list[tuple[float, float, float]]:
+    """(share, length, variance) of those processes that are likely, from their log likelihoods."""
+    logs = np.array([log - 0.5 * (np.log10(variance / EXPECTED**2) / DECADES) ** 2 for log, _, variance in found])
+    share = np.exp(logs - logs.max())
+    kept = share >= UNLIKELY
+    share = share / share[kept].sum()
+    return [(float(share[k]), *found[k][1:]) for k in np.flatnonzero(kept)]
+
+
+def judged(table: ResponseTable, largest_n: float) -> tuple[Array, Array]:
+    """(J,2) places and (J,) forces at which the sheet is judged: the middles of equal cells, some shares of a force."""
+    x, y = table.grid.x_m, table.grid.y_m
+    middle = middles_m(np.array([x[0], y[0]]), np.array([x[-1], y[-1]]))
+    forces = largest_n * np.array(FORCE_SHARES)
+    return np.repeat(middle, len(forces), axis=0), np.tile(forces, len(middle))
+
+
+def middles_m(low_m: Array, high_m: Array) -> Array:
+    """(n,2) middles of equal cells of ``CELL_M`` at most between two corners (2,)."""
+    cells = np.ceil((high_m - low_m) / CELL_M - 1e-6).astype(int)
+    x, y = (low_m[k] + (np.arange(cells[k]) + 0.5) / cells[k] * (high_m[k] - low_m[k]) for k in range(2))
+    return np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
+
+
+def most_telling(design: PressDesign, place_m: Array, force_n: Array, wanted: Accuracy) -> tuple[int, Accuracy]:
+    """Which of the places (C,2) is to be pressed next with the forces (F,), and the accuracy expected then."""
+    after = design.accuracies(place_m, force_n)
+    best = int(np.argmin([accuracy.cost(wanted) for accuracy in after]))
+    return best, after[best]

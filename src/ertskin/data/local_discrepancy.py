@@ -1,0 +1,173 @@
+"""What the real skin does beyond the simulator, carried from the places pressed to those in between.
+
+A response changes from place to place far more than what is wrong with it: residuals of two places can't be averaged.
+So each press is compared in the frame of its own response, by how much stronger it was than simulated, how far shifted,
+how much wider and longer. These few numbers vary slowly over the sheet and with force, and a Gaussian process takes
+them to every place (Kennedy & O'Hagan, J. R. Stat. Soc. B 63 (2001) 425). How well it does is measured by leaving out
+each place in turn. It has no name and explains nothing; a diagnosis does.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cho_factor, cho_solve
+
+from ertskin.data.touch_model import ModelError
+from ertskin.physics.touch.posterior import SHAPE_M
+from ertskin.physics.touch.table import ResponseTable
+
+Array = NDArray[np.float64]
+
+MODES = ("size", "x", "y", "xx", "yy", "xy")
+LENGTHS_M = (8e-3, 16e-3, 32e-3, 64e-3, 128e-3)
+FORCE_LENGTH = 0.8
+"""Correlation length in the logarithm of the force."""
+COMMON = 0.25
+"""Share of the process's variance that is the same all over the sheet: a law or a modulus that is off."""
+EXPECTED = 0.1
+"""What each number may be before anything is known, and what is assumed of an error that can't be measured: with fewer
+places than ``FEWEST`` none can be left out."""
+VARIANCES = tuple(float(EXPECTED**2 * 10.0**power) for power in range(-4, 3))
+FEWEST = 4
+
+
+def unknown_error() -> ModelError:
+    """Of a response that no press was compared with."""
+    return ModelError(np.full(4, EXPECTED), 0.0, np.array([EXPECTED * SHAPE_M, EXPECTED * SHAPE_M, 0.0]))
+
+
+@dataclass(frozen=True, eq=False)
+class LocalDiscrepancy:
+    """Gaussian process of the six ``MODES`` over place and force, from presses at (N,2) with (N,) newton.
+
+    ``weight`` (N,6), ``length_m`` (6,), ``variance`` (6,); ``left_out`` (N,6): each press's numbers as the presses of
+    other places tell them.
+    """
+
+    contact_m: Array
+    force_n: Array
+    weight: Array
+    length_m: Array
+    variance: Array
+    left_out: Array
+
+    @classmethod
+    def fit(
+        cls, table: ResponseTable, contact_m: Array, force_n: Array, seen: Array
+    ) -> tuple[LocalDiscrepancy, ModelError]:
+        """From what real presses (N,) showed, ``seen`` (N,D) in the table's coordinates, in units of the noise."""
+        basis = modes(table, contact_m, force_n)
+        residual = seen - table.alone(contact_m, force_n)
+        numbers, noise = coefficients(basis, residual)
+        place, number = np.unique(contact_m, axis=0, return_inverse=True)
+        groups = [np.flatnonzero(number.ravel() == k) for k in range(len(place))]
+        chosen = [_process(contact_m, force_n, numbers[:, m], noise[:, m], groups) for m in range(len(MODES))]
+        length_m, variance = np.array([c[0] for c in chosen]), np.array([c[1] for c in chosen])
+        weight = np.stack([c[2] for c in chosen], axis=1)
+        left_out = np.stack([c[3] for c in chosen], axis=1)
+        found = cls(contact_m, force_n, weight, length_m, variance, left_out)
+        return found, _model_error(basis, residual, numbers, noise, left_out, len(place), table, contact_m, force_n)
+
+    def at(self, contact_m: Array, force_n: Array) -> Array:
+        """(N,6) the numbers at other places (N,2) and forces (N,)."""
+        columns = []
+        for m in range(len(MODES)):
+            kernel = process_covariance(
+                contact_m, force_n, self.contact_m, self.force_n, self.length_m[m], self.variance[m]
+            )
+            columns.append(kernel @ self.weight[:, m])
+        return np.stack(columns, axis=1)
+
+    def unseen(self, table: ResponseTable, seen: Array) -> Array:
+        """(N,D) what real presses showed, ``seen`` (N,D), moved so that they differ from the corrected ``table`` as
+        they would had their own places not corrected it."""
+        basis = modes(table, self.contact_m, self.force_n)
+        return seen + np.einsum("nm,nmd->nd", self.at(self.contact_m, self.force_n) - self.left_out, basis)
+
+    def correct(self, table: ResponseTable) -> ResponseTable:
+        """The table with the discrepancy added at every place and force."""
+        contact_m, force_n = table.grid.presses()
+        added = np.empty((len(force_n), table.response.shape[3]))
+        for rows in np.array_split(np.arange(len(force_n)), max(1, len(force_n) // 500)):
+            basis = modes(table, contact_m[rows, 0], force_n[rows, 0])
+            added[rows] = np.einsum("nm,nmd->nd", self.at(contact_m[rows, 0], force_n[rows, 0]), basis)
+        return table.corrected(added)
+
+
+def modes(table: ResponseTable, contact_m: Array, force_n: Array) -> Array:
+    """(N,6,D) changes of the response by one unit of each of the ``MODES``: places in 5 mm."""
+    rows = table.tangents(contact_m, force_n)
+    scale = np.array([1.0, SHAPE_M, SHAPE_M, SHAPE_M**2, SHAPE_M**2, SHAPE_M**2])
+    chosen = rows[:, [3, 1, 2, 4, 5, 6]] * scale[:, None]
+    chosen[:, 0] *= force_n[:, None]
+    return np.asarray(chosen)
+
+
+def coefficients(basis: Array, residual: Array) -> tuple[Array, Array]:
+    """(N,6) most likely numbers of each press by itself, and the variance (N,6) they are known with."""
+    precision = np.einsum("nmd,nkd->nmk", basis, basis) + np.eye(len(MODES)) / EXPECTED**2
+    covariance = np.linalg.inv(precision)
+    numbers = np.einsum("nmk,nkd,nd->nm", covariance, basis, residual)
+    return numbers, np.diagonal(covariance, axis1=1, axis2=2)
+
+
+def process_covariance(a_m: Array, a_n: Array, b_m: Array, b_n: Array, length_m: float, variance: float) -> Array:
+    """(N,M) of one of the numbers at places (N,2) with (N,) newton and at (M,2) with (M,)."""
+    distance2 = ((a_m[:, None] - b_m) ** 2).sum(axis=2)
+    near = COMMON + (1.0 - COMMON) * np.exp(-0.5 * distance2 / length_m**2)
+    forces = np.exp(-0.5 * ((np.log(a_n)[:, None] - np.log(b_n)) / FORCE_LENGTH) ** 2)
+    return variance * near * (0.5 + 0.5 * forces)
+
+
+def evidences(contact_m: Array, force_n: Array, number: Array, noise: Array) -> list[tuple[float, float, float]]:
+    """Log likelihood of (N,) numbers known with variance ``noise`` (N,) for each length and variance of the process."""
+    found = []
+    for length in LENGTHS_M:
+        for variance in VARIANCES:
+            kernel = process_covariance(contact_m, force_n, contact_m, force_n, length, variance)
+            factor = cho_factor(kernel + np.diag(noise))
+            evidence = -0.5 * number @ cho_solve(factor, number) - np.log(np.diag(factor[0])).sum()
+            found.append((float(evidence), length, variance))
+    return found
+
+
+def _process(
+    contact_m: Array, force_n: Array, number: Array, noise: Array, groups: list[NDArray[np.intp]]
+) -> tuple[float, float, Array, Array]:
+    """Length and variance of the largest likelihood, weights (N,), and each press's number (N,) without its place."""
+    _, length, variance = max(evidences(contact_m, force_n, number, noise))
+    inverse = np.linalg.inv(
+        process_covariance(contact_m, force_n, contact_m, force_n, length, variance) + np.diag(noise)
+    )
+    weight = inverse @ number
+    without = number.copy()
+    for rows in groups:
+        # What the others say of a block, from the inverse alone (Rasmussen & Williams 2006, 5.4.2).
+        without[rows] -= np.linalg.solve(inverse[np.ix_(rows, rows)], weight[rows])
+    return length, variance, weight, without
+
+
+def _model_error(
+    basis: Array,
+    residual: Array,
+    numbers: Array,
+    noise: Array,
+    left_out: Array,
+    places: int,
+    table: ResponseTable,
+    contact_m: Array,
+    force_n: Array,
+) -> ModelError:
+    """What places that weren't pressed will err by, from what each place would have erred by had it not been."""
+    assumed = np.full(len(MODES), EXPECTED)
+    wrong = assumed if places < FEWEST else np.sqrt(np.mean((numbers - left_out) ** 2, axis=0))
+    left = residual - np.einsum("nm,nmd->nd", numbers, basis)
+    response = table.alone(contact_m, force_n)
+    share = np.maximum((left**2).sum(axis=1) - left.shape[1], 0.0) / (response**2).sum(axis=1)
+    size, x, y, *shape = wrong
+    return ModelError(
+        np.array([size, *shape]), float(np.sqrt(np.median(share))), np.array([SHAPE_M * x, SHAPE_M * y, 0.0])
+    )

@@ -1,0 +1,236 @@
+"""What a diagnosis claims: effects with confidence, parameters with intervals, what else would do; the verdict."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from ertskin.diagnosis.judge.repeatability import Repeatability
+from ertskin.physics.effects.effect import Effect, Parameter
+
+LEVEL = 0.9
+QUANTILE = 1.645
+FORM = 0.02
+"""Part of an effect's size that no interval is narrower than to either side: another form of the same effect moves its
+value by so much (a drift that settles by 1 %, a multiplexer that leaks twice by 1 to 3 %)."""
+MATERIAL_RATIO = 1.05
+TEMPERATURE = 10.0
+"""Half chi-square by which evidence is discounted: forms are never exact, and frames of a press share their errors."""
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A parameter's value with its interval at ``LEVEL``."""
+
+    value: float
+    low: float
+    high: float
+    unit: str
+
+
+@dataclass(frozen=True)
+class Rival:
+    """Another effect fitted in a claim's stead, and the half chi-square by which it falls short, held out."""
+
+    effect: Effect
+    short: float
+
+
+@dataclass(frozen=True)
+class Reason:
+    """What a rule did to a claim's confidence, and why."""
+
+    rule: str
+    before: float
+    after: float
+    why: str
+
+    def plain(self) -> dict[str, Any]:
+        """As ``diagnosis.json`` wants it."""
+        return {"rule": self.rule, "before": round(self.before, 3), "after": round(self.after, 3), "why": self.why}
+
+
+@dataclass(frozen=True)
+class Tried:
+    """A set of effects that was fitted: its gain over the set before, half chi-square held out, and if it stayed."""
+
+    effects: tuple[str, ...]
+    gain: float
+    kept: bool
+
+    def plain(self) -> dict[str, Any]:
+        """As ``diagnosis.json`` wants it."""
+        return {"effects": list(self.effects), "gain": round(self.gain, 1), "kept": self.kept}
+
+
+@dataclass(frozen=True)
+class Claim:
+    """One named effect. ``ratio_alone``: rms over noise that it by itself would make, held out.
+
+    ``rivals``: what else was fitted in its stead; ``reasons`` for the confidence, in the order in which they count.
+    """
+
+    effect: Effect
+    confidence: float
+    ratio_alone: float
+    parameters: dict[str, Estimate]
+    alternatives: tuple[tuple[str, float], ...] = ()
+    rivals: tuple[Rival, ...] = ()
+    reasons: tuple[Reason, ...] = ()
+
+    def plain(self) -> dict[str, Any]:
+        """As ``diagnosis.json`` wants it."""
+        return {
+            "name": self.effect.name,
+            "confidence": round(self.confidence, 3),
+            "ratio_alone": round(self.ratio_alone, 4),
+            "parameters": {
+                key: {"value": e.value, "low": e.low, "high": e.high, "unit": e.unit, "level": LEVEL}
+                for key, e in self.parameters.items()
+            }
+            | {
+                key: {"value": value, "low": value, "high": value, "unit": "1", "level": LEVEL}
+                for key, value in self.effect.settings().items()
+                if key in ("electrode", "channel") and isinstance(value, int) and value >= 0
+            },
+            "alternatives": [{"name": n, "confidence": round(c, 3)} for n, c in self.alternatives],
+            "reasons": [reason.plain() for reason in self.reasons],
+        }
+
+
+@dataclass(frozen=True)
+class HeldOut:
+    """Misfit on presses no fit has seen, in units of the noise; forces in newton."""
+
+    split: str
+    noise_rms_v: float | None
+    ratio_before: float | None
+    ratio_after: float | None
+    p_value: float | None
+    force_before_n: float | None = None
+    force_after_n: float | None = None
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """The answer, as written to ``diagnosis.json``.
+
+    ``remainder_ratio``: held-out misfit where a model without a name predicts what the names leave; ``presses_differ``
+    how presses scatter where that is most of what the names leave; ``specimen`` whether it "agrees" or "disagrees" with
+    the skin; ``tried`` the sets of effects fitted to the readings, in order.
+    """
+
+    recording: str
+    verdict: str
+    held_out: HeldOut
+    stage: str | None = None
+    electrodes: tuple[int, ...] = ()
+    position_m: tuple[float, float] | None = None
+    radius_m: float | None = None
+    depends_on: tuple[str, ...] = ()
+    claims: tuple[Claim, ...] = ()
+    unexplained_ratio: float | None = None
+    unexplained_depends_on: tuple[str, ...] = ()
+    remainder_ratio: float | None = None
+    presses_differ: Repeatability | None = None
+    next_press: dict[str, Any] | None = None
+    reason: str | None = None
+    specimen: str | None = None
+    tried: tuple[Tried, ...] = ()
+    extra: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def effects(self) -> tuple[Effect, ...]:
+        """The effects claimed, with the parameters found."""
+        return tuple(claim.effect for claim in self.claims)
+
+    def plain(self) -> dict[str, Any]:
+        """The contract's dictionary."""
+        held = self.held_out
+        force = None
+        if held.force_before_n is not None:
+            force = {"rmse_before_n": held.force_before_n, "rmse_after_n": held.force_after_n}
+        document = {
+            "format": "ertskin-diagnosis",
+            "format_version": 1,
+            "recording": self.recording,
+            "verdict": self.verdict,
+            "held_out": {
+                "split": held.split,
+                "noise_rms_v": held.noise_rms_v,
+                "ratio_before": held.ratio_before,
+                "ratio_after": held.ratio_after,
+                "p_value": held.p_value,
+                "force": force,
+            },
+            "where": {
+                "stage": self.stage,
+                "electrodes": list(self.electrodes),
+                "position_m": None if self.position_m is None else list(self.position_m),
+                "radius_m": self.radius_m,
+                "depends_on": list(self.depends_on),
+            },
+            "effects": [claim.plain() for claim in self.claims],
+            "unexplained": {
+                "ratio": self.unexplained_ratio,
+                "depends_on": list(self.unexplained_depends_on),
+                "ratio_with_nameless_model": self.remainder_ratio,
+                "presses_differ": None if self.presses_differ is None else self.presses_differ.plain(),
+            },
+            "next_press": self.next_press,
+            "specimen": self.specimen,
+            "tried": [one.plain() for one in self.tried],
+        }
+        if self.reason is not None:
+            document["reason"] = self.reason
+        return {**document, **self.extra}
+
+
+def estimate(value: float, error: float, known: Parameter) -> Estimate:
+    """A value with its interval at ``LEVEL``, given its standard error and what is known of it beforehand."""
+    half = QUANTILE * error
+    if known.defining:
+        half = max(half, FORM * abs(value - known.neutral))
+    return Estimate(value, max(value - half, known.low), min(value + half, known.high), known.unit)
+
+
+def against(rivals: tuple[Rival, ...]) -> tuple[float, tuple[tuple[str, float], ...]]:
+    """``confidences`` of a term with these rivals."""
+    return confidences(tuple((rival.effect.name, rival.short) for rival in rivals))
+
+
+def confidences(rivals: tuple[tuple[str, float], ...]) -> tuple[float, tuple[tuple[str, float], ...]]:
+    """Confidence of a term and of its rivals, from the half chi-square by which they fall short."""
+    best: dict[str, float] = {}
+    for name, short in rivals:
+        best[name] = min(short, best.get(name, np.inf))
+    weights = {name: float(np.exp(-max(short, 0.0) / TEMPERATURE)) for name, short in best.items()}
+    total = 1.0 + sum(weights.values())
+    shared = tuple((n, w / total) for n, w in sorted(weights.items(), key=lambda i: -i[1]) if w / total > 0.01)
+    return min(1.0 / total, 0.99), shared
+
+
+def verdict_of(ratio_before: float, ratio_after: float, named: bool, other_mismatch: bool) -> str:
+    """The verdict from held-out ratios; ``other_mismatch``: a material misfit of force or instrument."""
+    material = ratio_before > MATERIAL_RATIO or other_mismatch
+    if not named:
+        return "unexplained" if material else "no_mismatch"
+    return "explained" if ratio_after <= MATERIAL_RATIO else "partly_explained"
+
+
+def gathered(claims: tuple[Claim, ...]) -> list[tuple[Claim, str]]:
+    """The claims with their names for a reader: those of one name without parameters, at many electrodes, are one."""
+    found: dict[str, list[Claim]] = {}
+    for number, claim in enumerate(claims):
+        found.setdefault(f"{number}" if claim.parameters else claim.effect.name, []).append(claim)
+    return [(same[0], _shown_name(same[0].effect.name, same)) for same in found.values()]
+
+
+def _shown_name(name: str, claims: list[Claim]) -> str:
+    for key in ("electrode", "channel"):
+        where = [number for c in claims if (number := getattr(c.effect, key, -1)) >= 0]
+        if where:
+            return f"{name} ({key}{'s' * (len(where) > 1)} {', '.join(map(str, where))})"
+    return name

@@ -1,0 +1,1 @@
+"""A foam coupon's compression test alone."""

@@ -1,0 +1,1 @@
+"""The presses that would tell rival explanations apart."""

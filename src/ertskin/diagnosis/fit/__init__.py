@@ -1,0 +1,1 @@
+"""Calibration and effects fitted together on every signal."""

@@ -1,0 +1,96 @@
+"""Fits that hold where they have come to: the skin solved in full against the linearised one they were made with."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ertskin.diagnosis.fit.joint_fit import Solved, VoltageProblem
+
+Problem = Callable[[Solved | None], VoltageProblem]
+
+FRAMES = 24
+FAR = 0.25
+"""Share of the misfit, or of the noise where that is more, by which linearised frames may be off."""
+WORSE = 1.02
+"""Factor by which the misfit of a few frames may grow by chance."""
+TURNS = 6
+NEARER = 0.7
+"""Factor by which a turn must bring the linearised skin nearer to the skin for another to be worth it."""
+
+EXACT_TURNS = 3
+UNMOVED = 1.0
+"""Half chi-square by which a fit may differ from the one before and be the same."""
+
+
+@dataclass(frozen=True, eq=False)
+class Standing:
+    """A fit and the problem it was made with. On a few frames solved in full: ``misfit`` of the fit and ``off``, by how
+    much the linearised skin differs from the whole one, both rms over noise."""
+
+    problem: VoltageProblem
+    solved: Solved
+    misfit: float
+    off: float
+
+    @property
+    def strays(self) -> bool:
+        """Whether the fit has gone where the linearised skin no longer is the skin."""
+        claimed = float(np.sqrt(np.mean(self.solved.scan_residual[_sampled(self.problem)] ** 2)))
+        return not self.off <= FAR * max(1.0, claimed)
+
+    def spoils(self, other: Standing) -> bool:
+        """Whether frames solved in full fit worse than in the ``other``."""
+        return not self.misfit <= WORSE * other.misfit
+
+
+def standing(problem: VoltageProblem, solved: Solved) -> Standing:
+    """Solve a few of the frames in full."""
+    rows, evidence = _sampled(problem), problem.evidence
+    whole = problem.in_full(solved, rows)
+    claimed = problem.scans(problem.family.skin(solved.calibration, solved.effects))[rows]
+    off = float(np.sqrt(np.mean(((claimed - whole) / evidence.noise_v) ** 2)))
+    sampled = evidence.frames(rows)
+    wrong = sampled.discounted((sampled.scan_v - whole) / evidence.noise_v)
+    return Standing(problem, solved, float(np.sqrt(np.mean(wrong**2))), off)
+
+
+def settled(build: Problem, solved: Solved) -> Standing:
+    """Linearised about the fit and fitted again, until the fit stays where the linearised skin is the skin.
+
+    What presses have left behind elsewhere is to first order about rest wherever the skin is linearised: where that
+    is what they differ by, no further turn helps.
+    """
+    off = np.inf
+    lasting = any(getattr(effect, "remembers_air", False) for effect in solved.effects)
+    for _ in range(TURNS):
+        problem = build(solved)
+        solved = problem.solve(solved.terms, solved.calibration)
+        here = standing(problem, solved)
+        if not here.strays or (lasting and here.off > NEARER * off):
+            break
+        off = here.off
+    return here
+
+
+def exact(problem: VoltageProblem, solved: Solved) -> tuple[VoltageProblem, Solved]:
+    """The fit where every frame is solved in full, and the problem corrected to that.
+
+    What linearising leaves is a part of the noise, but alike in all frames: along a valley of the misfit it carries a
+    time constant off by several standard errors.
+    """
+    for _ in range(EXACT_TURNS):
+        corrected = problem.corrected(solved)
+        there = corrected.solve(solved.terms, solved.calibration)
+        problem, moved, solved = corrected, abs(there.cost - solved.cost), there
+        if moved < UNMOVED:
+            break
+    return problem, solved
+
+
+def _sampled(problem: VoltageProblem) -> NDArray[np.intp]:
+    among = np.flatnonzero(problem.weight > 0)
+    return among[np.unique(np.linspace(0, len(among) - 1, FRAMES).astype(int))]

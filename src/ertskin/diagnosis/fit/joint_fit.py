@@ -1,0 +1,416 @@
+"""The joint fit: calibration and effects together, on scans, leftovers and specimen, in cells to hold out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ertskin.diagnosis.fit.levenberg_marquardt import Fit, Quadratic, descend
+from ertskin.diagnosis.fit.nonreciprocal import AcquisitionSignal, acquires
+from ertskin.diagnosis.linear.calibration_vector import SHAPE, WIDEST_RATIO, Calibration, SkinFamily
+from ertskin.diagnosis.linear.linear_skin import LinearSkin
+from ertskin.diagnosis.recording.evidence import Evidence
+from ertskin.diagnosis.specimen.signal import SpecimenSignal
+from ertskin.physics.effects.effect import Effect, shown_by
+from ertskin.physics.effects.hypothesis import Signal
+from ertskin.physics.skin import Skin
+
+Array = NDArray[np.float64]
+
+LEAST_OHM, MOST_OHM = 1e-2, 1e9
+"""Between which a sheet's and a contact's resistance are looked for."""
+RATIO_PRIOR = 1.0
+SHAPE_PRIOR = 0.3
+HIGHER_PRIOR = 0.02
+"""The law's coefficients above the fifth, which the paper's polynomial hasn't."""
+REACH = 5.0
+"""Times what is typical of a parameter: as far as a quadratic about the fit can be believed."""
+SCALED = 0.7
+"""The same for parameters that are always positive, over their value."""
+LEAST_LAW = 1e-3
+"""Part of the unpressed sheet's resistance that must be left under any pressure."""
+CONTACT_STEP = 1e-3
+"""Of the logarithm of contact resistances, for their derivative: what drifts is added, what presses multiplies."""
+LEFTOVER_FRAMES = 80
+"""Frames whose non-reciprocal part is fitted; it counts as that of all."""
+
+
+@dataclass(frozen=True)
+class Term:
+    """An effect in a fit: where it starts and which parameters may move."""
+
+    effect: Effect
+    free: tuple[str, ...]
+
+    @property
+    def name(self) -> str:
+        return self.effect.name
+
+    def nearer(self, share: float) -> Term:
+        """The term where only this share of it is there."""
+        known = self.effect.parameters()
+        defining = {key: getattr(self.effect, key) for key in self.free if known[key].defining}
+        values: dict[str, Any] = {
+            key: known[key].neutral + share * (value - known[key].neutral) for key, value in defining.items()
+        }
+        if nodes := getattr(self.effect, "nodes", ()):
+            values["nodes"] = tuple(tuple(share * value for value in row) for row in nodes)
+        return Term(self.effect.changed(values), self.free)
+
+    def at(self, values: Sequence[float]) -> Effect:
+        """The effect with its free parameters at these values."""
+        return self.effect.changed(dict(zip(self.free, map(float, values), strict=True)))
+
+
+@dataclass(frozen=True, eq=False)
+class Solved:
+    """A joint fit: its terms at their best values, the calibration, the quadratic about it.
+
+    ``scan_residual`` (T,P) in units of the noise; parameters in the order calibration, then the terms' free ones.
+    """
+
+    calibration: Calibration
+    terms: tuple[Term, ...]
+    fit: Fit
+    scan_residual: Array
+
+    @property
+    def effects(self) -> tuple[Effect, ...]:
+        return tuple(t.effect for t in self.terms)
+
+    @property
+    def cost(self) -> float:
+        """Half chi-square over everything."""
+        return float(self.fit.quadratic.cost.sum())
+
+    def known(self, term: int, key: str) -> tuple[float, float]:
+        """A free parameter's value and its standard error.
+
+        The error is that of white residuals of their size, or the folds' if they pull the value about by more.
+        """
+        first = len(self.fit.value) - sum(len(t.free) for t in self.terms)
+        position = first + sum(len(t.free) for t in self.terms[:term]) + self.terms[term].free.index(key)
+        inflation = max(1.0, float((self.scan_residual**2).mean()))
+        white = inflation * self.fit.covariance[position, position]
+        error = float(np.sqrt(max(white, self.fit.robust_covariance[position, position], 0.0)))
+        return float(getattr(self.terms[term].effect, key)), error
+
+
+@dataclass(eq=False)
+class VoltageProblem:
+    """Everything the fit needs. ``cells`` (T,) the cell of each frame, ``weight`` (T,) 0 for frames left out.
+
+    ``correction_v`` (T,P): what the skin solved in full adds to the linearised one's scans, nought unless asked for.
+    """
+
+    evidence: Evidence
+    family: SkinFamily
+    linear: LinearSkin
+    specimen: SpecimenSignal | None
+    cells: NDArray[np.intp]
+    weight: Array
+    correction_v: Array | float = 0.0
+    last_columns: tuple[NDArray[np.float32], Array] = field(init=False)
+
+    def __post_init__(self) -> None:
+        moving = np.flatnonzero(self.weight > 0)
+        chosen = (
+            moving[np.linspace(0, len(moving) - 1, min(len(moving), LEFTOVER_FRAMES)).astype(int)]
+            if len(moving)
+            else moving
+        )
+        self.acquisition = AcquisitionSignal(self.evidence, self.linear, np.unique(chosen))
+        self.leftover_share = len(moving) / max(1, len(self.acquisition.rows))
+        self.cell_count = int(self.cells.max()) + 1
+
+    # residuals -----------------------------------------------------------------------------------------------------
+
+    def scans(self, skin: Skin) -> Array:
+        """(T,P) whitened scans in volt, as the instrument sees them."""
+        return self.acquisition.scans(skin) + self.correction_v
+
+    def scan_residual(self, skin: Skin) -> Array:
+        """(T,P) in units of the noise, what rest frames stray by discounted."""
+        wrong = (self.evidence.scan_v - self.scans(skin)) / self.evidence.noise_v
+        return self.evidence.discounted(np.where(self.weight[:, None] > 0, wrong, 0.0))
+
+    def _blocks(self, skin: Skin, with_leftover: bool = True) -> tuple[Array, Array, Array | None]:
+        scan = self.scan_residual(skin)
+        specimen = self.specimen.residual(skin) if self.specimen is not None else np.zeros(0)
+        wanted = with_leftover and (acquires(skin.effects) or self._always_leftover)
+        leftover = self.acquisition.residual(skin) if wanted else None
+        return scan, specimen, leftover
+
+    _always_leftover: bool = False
+    reuse: bool = False
+    _latest: Solved | None = None
+
+    def in_full(self, solved: Solved, rows: NDArray[np.intp]) -> Array:
+        """(n,P) whitened scans in volt of some rows by the fit's skin, solved in full."""
+        skin = self.family.remeshed(solved.calibration, solved.effects)
+        readings = skin.readings_v(self.linear.history, self.linear.force_n, self.linear.wanted[rows])
+        return np.asarray(readings.reshape(len(rows), -1) @ self.evidence.protocol.orthonormal)
+
+    def corrected(self, solved: Solved) -> VoltageProblem:
+        """The same problem, exact where the fit has come to: every frame is solved in full there."""
+        rows = np.flatnonzero(self.weight > 0)
+        correction_v = np.zeros_like(self.evidence.scan_v)
+        skin = self.family.skin(solved.calibration, solved.effects)
+        correction_v[rows] = self.in_full(solved, rows) - self.acquisition.scans(skin)[rows]
+        return replace(self, correction_v=correction_v)
+
+    # fitting -------------------------------------------------------------------------------------------------------
+
+    def solve(self, terms: Sequence[Term], start: Calibration, *, steps: int = 15, leftover: bool = False) -> Solved:
+        """Best calibration and effects; ``leftover`` counts the non-reciprocal part even without a term in it."""
+        self._always_leftover = leftover
+        layout = _Layout(tuple(terms), len(start.vector()))
+        begin = np.concatenate([start.vector(), *[[getattr(t.effect, k) for k in t.free] for t in terms]])
+        low, high = layout.bounds(begin)
+        mean, precision = layout.prior(len(start.contact_ohm))
+        fit = descend(
+            lambda x: self._linearise(layout, x),
+            lambda x: self._cost(layout, x),
+            begin,
+            low,
+            high,
+            mean,
+            precision,
+            steps=steps,
+        )
+        calibration, effects = layout.split(fit.value)
+        solved = tuple(Term(e, t.free) for e, t in zip(effects, terms, strict=True))
+        skin = self.family.skin(calibration, effects)
+        self._latest = Solved(calibration, solved, fit, self.scan_residual(skin))
+        return self._latest
+
+    def at_hand(self, solved: Solved) -> Solved:
+        """The fit, or one step on from it, with its derivatives in ``last_columns``, where the latest fit's lie."""
+        return solved if solved is self._latest else self.solve(solved.terms, solved.calibration, steps=1)
+
+    def _skin(self, layout: _Layout, x: Array) -> Skin:
+        calibration, effects = layout.split(x)
+        return self.family.skin(calibration, effects)
+
+    def _cost(self, layout: _Layout, x: Array) -> float:
+        skin = self._skin(layout, x)
+        if skin.piezo.least_ohm_sq <= LEAST_LAW * skin.piezo.zero_ohm_sq:
+            # There is no such sheet; linearised, it wouldn't show.
+            return np.inf
+        scan, specimen, leftover = self._blocks(skin)
+        total = float((scan**2).sum() + (specimen**2).sum())
+        if leftover is not None:
+            total += self.leftover_share * float((leftover**2).sum())
+        return 0.5 * total
+
+    def _linearise(self, layout: _Layout, x: Array) -> Quadratic:
+        skin = self._skin(layout, x)
+        scan, specimen, leftover = self._blocks(skin)
+        count = len(x)
+        columns = np.zeros((*scan.shape, count), dtype=np.float32)
+        specimen_columns = np.zeros((len(specimen), count))
+        leftover_columns = np.zeros((0 if leftover is None else leftover.size, count - layout.calibration))
+        electrodes = self.evidence.protocol.electrodes
+        contact = self.contact_columns(skin)
+        columns[..., 1 : 1 + electrodes] = self.evidence.discounted(contact)
+        known = self._known_columns(layout)
+        if known is not None:
+            columns[..., : layout.calibration], specimen_columns[:, : layout.calibration] = known
+        moving = range(layout.calibration, count) if known is not None else [0, *range(1 + electrodes, count)]
+        for k in moving:
+            step = layout.step(k, x)
+            moved = x.copy()
+            moved[k] += step
+            instrument = leftover is not None and layout.is_instrument(k)
+            there = self._blocks(self._skin(layout, moved), instrument)
+            columns[..., k] = (scan - there[0]) / step
+            specimen_columns[:, k] = (specimen - there[1]) / step
+            if leftover is not None and there[2] is not None:
+                leftover_columns[:, k - layout.calibration] = ((leftover - there[2]) / step).ravel()
+        self.last_columns = columns, specimen_columns
+        return self._quadratic(scan, columns, specimen, specimen_columns, leftover, leftover_columns)
+
+    def _known_columns(self, layout: _Layout) -> tuple[Array, Array] | None:
+        """The calibration's columns of an earlier fit of this problem: they hardly depend on the terms."""
+        if self.reuse and hasattr(self, "last_columns"):
+            columns, specimen = self.last_columns
+            # kept in single precision: they are most of the fit's memory
+            return cast(Array, columns[..., : layout.calibration]), specimen[:, : layout.calibration]
+        return None
+
+    def _quadratic(
+        self,
+        scan: Array,
+        columns: NDArray[np.float32],
+        specimen: Array,
+        specimen_columns: Array,
+        leftover: Array | None,
+        leftover_columns: Array,
+    ) -> Quadratic:
+        """By cell of frames, and one more cell for the specimen."""
+        count = columns.shape[-1]
+        cost = np.zeros(self.cell_count + 1)
+        gradient = np.zeros((self.cell_count + 1, count))
+        hessian = np.zeros((self.cell_count + 1, count, count))
+
+        def add(cell: int, wrong: Array, design: Array, share: float) -> None:
+            cost[cell] += 0.5 * share * float(wrong @ wrong)
+            gradient[cell] += share * (design.T @ wrong)
+            hessian[cell] += share * (design.T @ design)
+
+        for cell in range(self.cell_count):
+            mine = (self.cells == cell) & (self.weight > 0)
+            if mine.any():
+                add(cell, scan[mine].ravel(), columns[mine].reshape(-1, count).astype(float), 1.0)
+        add(self.cell_count, specimen, specimen_columns, 1.0)
+        if leftover is not None:
+            first = count - leftover_columns.shape[1]
+            design = leftover_columns.reshape(*leftover.shape, count - first)
+            for cell in range(self.cell_count):
+                mine = self.cells[self.acquisition.rows] == cell
+                if mine.any():
+                    wrong = leftover[mine].ravel()
+                    columns_here = design[mine].reshape(len(wrong), count - first)
+                    cost[cell] += 0.5 * self.leftover_share * float(wrong @ wrong)
+                    gradient[cell, first:] += self.leftover_share * (columns_here.T @ wrong)
+                    hessian[cell, first:, first:] += self.leftover_share * (columns_here.T @ columns_here)
+        return Quadratic(cost, gradient, hessian)
+
+    def contact_columns(self, skin: Skin) -> Array:
+        """(T,P,L) change of the scans per unit logarithm of each contact resistance, in units of the noise."""
+        result = np.zeros((*self.evidence.scan_v.shape, len(skin.contact_resistance_ohm)))
+        scaled = replace(skin, contact_resistance_ohm=np.exp(CONTACT_STEP) * skin.contact_resistance_ohm)
+        per_logarithm = (self.linear.contact_ohm(scaled) - self.linear.contact_ohm(skin)) / CONTACT_STEP
+        for patch in self.linear.patches:
+            for k, state in enumerate(patch.states):
+                rows = patch.rows[patch.state_of == k]
+                result[rows] = state.contact * per_logarithm[rows, None]
+        return np.where(self.weight[:, None, None] > 0, result / self.evidence.noise_v, 0.0)
+
+
+@dataclass(frozen=True)
+class _Layout:
+    """Which number of the vector means what."""
+
+    terms: tuple[Term, ...]
+    calibration: int
+
+    @property
+    def ratio(self) -> int:
+        """Which number is the logarithm of the moduli's ratio."""
+        return self.calibration - SHAPE - 1
+
+    def split(self, x: Array) -> tuple[Calibration, tuple[Effect, ...]]:
+        effects, k = [], self.calibration
+        for term in self.terms:
+            effects.append(term.at(x[k : k + len(term.free)].tolist()))
+            k += len(term.free)
+        return Calibration.of(x[: self.calibration]), tuple(effects)
+
+    def _free(self, index: int) -> tuple[Term, str]:
+        k = index - self.calibration
+        for term in self.terms:
+            if k < len(term.free):
+                return term, term.free[k]
+            k -= len(term.free)
+        raise IndexError(index)
+
+    def is_instrument(self, index: int) -> bool:
+        """Whether the number belongs to an effect that no resistor network explains."""
+        return index >= self.calibration and shown_by(self._free(index)[0].effect, Signal.NONRECIPROCAL)
+
+    def step(self, index: int, x: Array) -> float:
+        """Finite-difference step, away from the upper bound."""
+        if index < self.calibration:
+            return 1e-3
+        term, key = self._free(index)
+        known = term.effect.parameters()[key]
+        size = 0.02 * known.typical
+        return size if x[index] + size <= known.high else -size
+
+    def bounds(self, x: Array) -> tuple[Array, Array]:
+        low, high = np.full(len(x), -np.inf), np.full(len(x), np.inf)
+        low[: self.ratio] = np.log(LEAST_OHM)
+        high[: self.ratio] = np.log(MOST_OHM)
+        low[self.ratio], high[self.ratio] = -WIDEST_RATIO, WIDEST_RATIO
+        for k in range(self.calibration, len(x)):
+            term, key = self._free(k)
+            known = term.effect.parameters()[key]
+            low[k], high[k] = known.low, known.high
+        return low, high
+
+    def prior(self, electrodes: int) -> tuple[Array, Array]:
+        count = self.calibration + sum(len(t.free) for t in self.terms)
+        precision = np.zeros(count)
+        precision[1 + electrodes] = RATIO_PRIOR**-2
+        precision[2 + electrodes : self.calibration] = SHAPE_PRIOR**-2
+        precision[7 + electrodes : self.calibration] = HIGHER_PRIOR**-2
+        return np.zeros(count), precision
+
+
+def held_out(solved: Solved, partitions: Sequence[Sequence[int]]) -> Array:
+    """(len(partitions),) half chi-square of each held-out set of cells after one Newton step on all the others.
+
+    A term that such a step would take beyond ``REACH`` is one that the other cells don't tell (a spot that one press
+    alone has met): they are taken to say that it isn't there.
+    """
+    quadratic = solved.fit.quadratic
+    cells = np.arange(len(quadratic.cost))
+    result = np.zeros(len(partitions))
+    shift = solved.fit.prior.diagonal()
+    numbers = _numbers(solved)
+    for k, out in enumerate(partitions):
+        inside = ~np.isin(cells, out)
+        hessian = quadratic.hessian[inside].sum(axis=0) + solved.fit.prior
+        gradient = quadratic.gradient[inside].sum(axis=0) - shift * solved.fit.value * (shift > 0)
+        step = _step(hessian, gradient, numbers)
+        for cell in out:
+            change = -quadratic.gradient[cell] @ step + 0.5 * step @ quadratic.hessian[cell] @ step
+            result[k] += max(quadratic.cost[cell] + change, 0.0)
+    return result
+
+
+@dataclass(frozen=True, eq=False)
+class _Numbers:
+    """A term's numbers (n,) in the vector of a fit: how far they may step, and the steps to where it is absent."""
+
+    index: NDArray[np.intp]
+    reach: Array
+    away: Array
+
+
+def _numbers(solved: Solved) -> list[_Numbers]:
+    first = len(solved.fit.value) - sum(len(t.free) for t in solved.terms)
+    found = []
+    for term in solved.terms:
+        known = [term.effect.parameters()[key] for key in term.free]
+        value = np.array([getattr(term.effect, key) for key in term.free])
+        away = np.where([p.defining for p in known], np.array([p.neutral for p in known]) - value, 0.0)
+        # A time constant is known by its logarithm rather, whatever is typical.
+        scale = np.where([p.low > 0 for p in known], SCALED * value, 0.0)
+        reach = np.maximum(REACH * np.array([p.typical for p in known]), scale)
+        found.append(_Numbers(first + np.arange(len(known)), reach, away))
+        first += len(known)
+    return found
+
+
+def _step(hessian: Array, gradient: Array, terms: Sequence[_Numbers]) -> Array:
+    """The Newton step, with terms that would go beyond their reach taken away instead."""
+    held: list[_Numbers] = []
+    step = np.zeros(len(gradient))
+    while True:
+        free = np.ones(len(step), dtype=bool)
+        for term in held:
+            free[term.index], step[term.index] = False, term.away
+        pull = gradient[free] - hessian[np.ix_(free, ~free)] @ step[~free]
+        matrix = hessian[np.ix_(free, free)]
+        scale = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+        step[free] = np.linalg.lstsq(matrix / scale[:, None] / scale, pull / scale, rcond=1e-11)[0] / scale
+        wild = [t for t in terms if t not in held and (np.abs(step[t.index]) > t.reach).any()]
+        if not wild:
+            return step
+        held += wild

@@ -1,0 +1,86 @@
+"""The part of the readings no resistor network explains, as a signal of the instrument's own effects."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import reduce
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ertskin.diagnosis.linear.linear_skin import LinearSkin, motions
+from ertskin.diagnosis.recording.evidence import Evidence
+from ertskin.physics.effects.effect import AcquisitionEffect, Effect
+from ertskin.physics.skin import Skin, lagrange_weights
+
+Array = NDArray[np.float64]
+
+REMEMBERED = 7
+
+
+def instruments(effects: Sequence[Effect]) -> list[AcquisitionEffect]:
+    """The acquisition effects, in the order in which they act on the readings."""
+    return sorted((e for e in effects if isinstance(e, AcquisitionEffect)), key=lambda e: e.order)
+
+
+def acquires(effects: Sequence[Effect]) -> bool:
+    """Whether the effects give readings no resistor network would give."""
+    return bool(motions(effects) or instruments(effects))
+
+
+class AcquisitionSignal:
+    """Readings with the instrument's effects, split as the evidence is."""
+
+    def __init__(self, evidence: Evidence, linear: LinearSkin, rows: NDArray[np.intp]) -> None:
+        self.evidence = evidence
+        self.linear = linear
+        self.rows = rows
+        self._maps: dict[AcquisitionEffect, tuple[Array, Array]] = {}
+
+    def scans(self, skin: Skin) -> Array:
+        """(T,P) whitened scans as the instrument sees them."""
+        scans = self.linear.scans(skin)
+        for effect in instruments(skin.effects):
+            if effect not in self._maps:
+                # Most parameters a fit moves leave the instrument alone: a few of its maps are enough.
+                self._maps = {**dict(list(self._maps.items())[-REMEMBERED:]), effect: self._on_scans(effect)}
+            matrix, offset = self._maps[effect]
+            scans = scans @ matrix.T + offset
+        return scans
+
+    def _on_scans(self, effect: AcquisitionEffect) -> tuple[Array, Array]:
+        """What a linear effect does to whitened scans: matrix (P,P) and offset (P,)."""
+        protocol = self.evidence.protocol
+        basis = protocol.orthonormal
+        readings = basis.T.reshape(-1, *protocol.shape)
+        offset = effect.distorted_v(np.zeros((1, *protocol.shape)), protocol)
+        moved = (effect.distorted_v(readings, protocol) - offset).reshape(len(readings), -1)
+        return (moved @ basis).T, offset.reshape(-1) @ basis
+
+    def leftover(self, skin: Skin) -> Array:
+        """(n, K*M) what no network explains of the predicted readings, for the rows n."""
+        basis = self.evidence.protocol.orthonormal
+        readings = self._readings(skin)
+        for effect in instruments(skin.effects):
+            readings = effect.distorted_v(readings, self.evidence.protocol)
+        flat = readings.reshape(len(readings), -1)
+        return np.asarray(flat - (flat @ basis) @ basis.T)
+
+    def _readings(self, skin: Skin) -> Array:
+        protocol, linear = self.evidence.protocol, self.linear
+        basis = protocol.orthonormal
+        skew = motions(skin.effects)
+        shape = (len(self.rows), *protocol.shape)
+        if not skew or protocol.injection_offset_s is None:
+            return (linear.still_scans(skin, linear.force_n)[self.rows] @ basis.T).reshape(shape)
+        moments, _ = linear.skew_mixing
+        weights = lagrange_weights(moments, np.asarray(protocol.injection_offset_s))
+        still = linear.skewed(skin, skew[0], linear.force_n, moments)
+        parts = (weights[:, s, None] * (still[s][self.rows] @ basis.T).reshape(shape) for s in range(len(moments)))
+        return reduce(np.add, parts)
+
+    def residual(self, skin: Skin) -> Array:
+        """(n, K*M) leftover not explained, in units of the noise; nought for readings left out."""
+        found = self.evidence.leftover_v[self.rows].reshape(len(self.rows), -1).astype(float)
+        wrong = (found - self.leftover(skin)) / self.evidence.leftover_noise_v
+        return np.where(found != 0, wrong, 0.0)

@@ -1,0 +1,126 @@
+"""What force and depth say by themselves: the foam's effects, the misfit before and after, whether more is off."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ertskin.diagnosis.contract.claims import Claim, Estimate, Rival, against, estimate
+from ertskin.diagnosis.force.fit import ForceData, ForceFit, fit_force, force_starts, free_parameters
+from ertskin.diagnosis.force.indistinguishable import told_apart
+from ertskin.diagnosis.judge.confidence import left_over_of_force
+from ertskin.diagnosis.recording.evidence import Evidence
+from ertskin.diagnosis.rest.baseline import Baseline
+from ertskin.diagnosis.search.selection import Selection
+from ertskin.physics.effects.effect import FoamEffect
+
+Indices = NDArray[np.intp]
+
+WORTH = 1.03
+"""Misfit over noise that a foam effect must leave, were it alone left out, to be claimed."""
+SUPPORT_SHARE = 1e-3
+"""Part of the support's stiffness by which it may be off where an effect is fitted in another's stead."""
+
+
+@dataclass(frozen=True)
+class ForceAnswer:
+    """Claims of the foam's effects; rms misfits in newton, None without forces; ``off`` where more is missing."""
+
+    claims: tuple[Claim, ...]
+    before_n: float | None
+    after_n: float | None
+    off: bool
+
+
+def force_answer(evidence: Evidence, baseline: Baseline, selection: Selection, held: Indices) -> ForceAnswer:
+    """The force stage's part of the diagnosis, judged on the frames ``held`` (n,).
+
+    ``selection`` tells how much of the force the sheet feels.
+    """
+    plain, best = baseline.force_plain, baseline.force_best
+    if plain is None or best is None:
+        return ForceAnswer((), None, None, off=_off(evidence, baseline))
+    noise = baseline.force_noise.rms_n
+    before, after = (_predicted_n(evidence, baseline, fit, held) for fit in (plain, best))
+    claims = [_felt(_claim(evidence, baseline, best, effect), selection) for effect in best.effects]
+    claims = [claim for claim in claims if claim.ratio_alone > WORTH]
+    off = _off(evidence, baseline)
+    if off:
+        claims = left_over_of_force(claims, before / noise, after / noise)
+    return ForceAnswer(tuple(claims), before, after, off)
+
+
+def _predicted_n(evidence: Evidence, baseline: Baseline, fit: ForceFit, held: Indices) -> float:
+    """Rms in newton by which the fit's effects, fitted again without the presses held out, miss their forces."""
+    press = evidence.history.press
+    again = fit_force(_data(evidence, baseline, fit), fit.effects, ~np.isin(press, press[held]), start=fit)
+    seen = again.residual[held]
+    whole = seen if np.isfinite(seen).any() else fit.residual
+    return float(np.sqrt(np.nanmean(whole**2)) * baseline.force_noise.rms_n)
+
+
+def _data(evidence: Evidence, baseline: Baseline, fit: ForceFit) -> ForceData:
+    thickness_m = evidence.sensor.layers[0].thickness_m
+    return ForceData(evidence.history, baseline.force_noise.rms_n, fit.support_n_per_m, SUPPORT_SHARE, thickness_m)
+
+
+def _off(evidence: Evidence, baseline: Baseline) -> bool:
+    """Whether force and depth disagree by more than the load cell's noise, effects and all."""
+    best, noise = baseline.force_best, baseline.force_noise
+    if best is None:
+        return False
+    known = np.isfinite(best.residual)
+    misfit_n = best.residual[known] * noise.rms_n
+    phase = np.broadcast_to(evidence.history.phase[:, None], known.shape)[known]
+    return noise.exceeded(float(np.sqrt(np.mean(misfit_n**2))), len(misfit_n)) or noise.leans(misfit_n, phase)
+
+
+def _felt(claim: Claim, selection: Selection) -> Claim:
+    """The claim with what the readings add to it: how much of the force the sheet feels."""
+    solved = selection.after
+    for number, term in enumerate(solved.terms):
+        if term.name == claim.effect.name and term.free:
+            parameters = dict(claim.parameters)
+            for key in term.free:
+                parameters[key] = estimate(*solved.known(number, key), term.effect.parameters()[key])
+            return replace(claim, effect=term.effect, parameters=parameters)
+    return claim
+
+
+def _claim(evidence: Evidence, baseline: Baseline, best: ForceFit, effect: FoamEffect) -> Claim:
+    """The fit without this effect, and with each other foam effect in its stead."""
+    data = _data(evidence, baseline, best)
+    rest = [e for e in best.effects if e.name != effect.name]
+    count = int(np.isfinite(best.residual).sum())
+    without = fit_force(data, rest, start=best)
+    alone = float(np.sqrt(max(1.0, 1 + (without.chi_square - best.chi_square) / count)))
+    rivals = _rivals(data, best, rest, effect)
+    confidence, alternatives = against(rivals)
+    return Claim(effect, confidence, alone, _estimates(best, effect), alternatives, rivals)
+
+
+def _rivals(data: ForceData, best: ForceFit, rest: list[FoamEffect], effect: FoamEffect) -> tuple[Rival, ...]:
+    used = {e.name for e in best.effects}
+    rivals = []
+    for other, starts in force_starts().items():
+        if other in used:
+            continue
+        replaced = min((fit_force(data, [*rest, s], start=best) for s in starts), key=lambda f: f.chi_square)
+        short = 0.5 * (replaced.chi_square - best.chi_square)
+        if not told_apart(effect, replaced.effects[-1], data.history):
+            # A better fit is that of a form, no more.
+            short = min(short, 0.0)
+        rivals.append(Rival(replaced.effects[-1], short))
+    return tuple(rivals)
+
+
+def _estimates(best: ForceFit, effect: FoamEffect) -> dict[str, Estimate]:
+    known = effect.parameters()
+    estimates = {}
+    for key in free_parameters(effect):
+        k = best.names.index(f"{effect.name}.{key}")
+        error = float(np.sqrt(max(best.covariance[k, k], 0.0)))
+        estimates[key] = estimate(float(getattr(effect, key)), error, known[key])
+    return estimates

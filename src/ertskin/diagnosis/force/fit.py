@@ -1,0 +1,163 @@
+"""The force-depth stage: which foam effects the load cell shows, fitted with the pad's and support's stiffness."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import cast
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+
+from ertskin.physics.effects.effect import FoamEffect, Parameter
+from ertskin.physics.effects.hypothesis import Signal
+from ertskin.physics.effects.registry import effects_shown_by
+from ertskin.physics.history import History
+from ertskin.physics.mechanics.reaction import foam_force_n
+
+Array = NDArray[np.float64]
+
+INSIDE = 1e-9
+"""How far within its bounds a fit begins."""
+
+
+def force_starts() -> dict[str, list[FoamEffect]]:
+    """Every effect that force over depth shows, by name, where its fits begin."""
+    kinds = effects_shown_by(Signal.FORCE)
+    return {kind.name: [cast(FoamEffect, start.effect) for start in kind.force_starts()] for kind in kinds}
+
+
+@dataclass(frozen=True, eq=False)
+class ForceData:
+    """Forces to explain: history, ``noise_n``, the support's stiffness with its error, the foam's thickness."""
+
+    history: History
+    noise_n: float
+    support_n_per_m: float
+    support_error: float
+    foam_m: float
+
+    @property
+    def used(self) -> NDArray[np.bool_]:
+        """(T,C) contacts whose force and depth are both known."""
+        return self.history.touched & np.isfinite(self.history.force_n) & np.isfinite(self.history.depth_m)
+
+
+@dataclass(frozen=True, eq=False)
+class ForceFit:
+    """A fitted force stage: stiffnesses, effects, predicted forces (T,C), residuals in units of the noise."""
+
+    pad_n_per_m: float
+    support_n_per_m: float
+    effects: tuple[FoamEffect, ...]
+    force_n: Array
+    residual: Array
+    names: tuple[str, ...]
+    value: Array
+    covariance: Array
+
+    @property
+    def chi_square(self) -> float:
+        """Sum of squared residuals over the frames fitted."""
+        return float(np.nansum(self.residual**2))
+
+
+def free_parameters(effect: FoamEffect) -> dict[str, Parameter]:
+    """The continuous parameters a fit may move."""
+    return {key: p for key, p in effect.parameters().items() if key not in effect.hypothesis.held}
+
+
+def fit_force(
+    data: ForceData, effects: Sequence[FoamEffect], rows: NDArray[np.bool_] | None = None, start: ForceFit | None = None
+) -> ForceFit:
+    """Least squares over the frames ``rows`` (T,); the whole history drives the memories all the same."""
+    used = data.used if rows is None else data.used & rows[:, None]
+    names: list[str] = ["pad", "support"]
+    low, high, scale = [-4.0, -0.5], [4.0, 0.5], [0.1, 0.01]
+    pad_start = _stiffness_n_per_m(data, used)
+    begin = [0.0, 0.0] if start is None else [float(np.log(start.pad_n_per_m / pad_start)), 0.0]
+    for effect in effects:
+        for key, p in free_parameters(effect).items():
+            names.append(f"{effect.name}.{key}")
+            low.append(p.low)
+            high.append(p.high)
+            scale.append(p.typical)
+            begin.append(float(getattr(effect, key)))
+
+    def model(x: Array) -> tuple[float, float, tuple[FoamEffect, ...], Array]:
+        pad, support = pad_start * np.exp(x[0]), data.support_n_per_m * (1 + x[1])
+        built, k = [], 2
+        for effect in effects:
+            keys = list(free_parameters(effect))
+            built.append(replace(effect, **dict(zip(keys, map(float, x[k : k + len(keys)]), strict=True))))
+            k += len(keys)
+        force = foam_force_n(data.history, pad, support, data.foam_m, built)
+        return float(pad), float(support), tuple(built), force
+
+    def residuals(x: Array) -> Array:
+        force = model(x)[3]
+        wrong = np.clip((force[used] - data.history.force_n[used]) / data.noise_n, -1e4, 1e4)
+        return np.append(wrong, x[1] / data.support_error)
+
+    x0 = np.clip(begin, np.array(low) + INSIDE, np.array(high) - INSIDE)
+    found = least_squares(
+        residuals, x0, bounds=(low, high), x_scale=scale, diff_step=1e-4, max_nfev=25, xtol=1e-5, ftol=1e-6
+    )
+    pad, support, built, force = model(found.x)
+    whole = np.where(data.used, (data.history.force_n - force) / data.noise_n, np.nan)
+    covariance = np.linalg.pinv(found.jac.T @ found.jac)
+    return ForceFit(pad, support, built, force, whole, tuple(names), found.x, covariance)
+
+
+def _stiffness_n_per_m(data: ForceData, used: NDArray[np.bool_]) -> float:
+    """The pad's, from the contacts' (T,C) mean force over mean depth with the support's yielding taken off."""
+    force_n, depth_m = (np.where(used, each, 0.0).sum() for each in (data.history.force_n, data.history.depth_m))
+    both = max(force_n / max(depth_m, 1e-12), 1e-3)
+    return float(1.0 / max(1.0 / both - 1.0 / data.support_n_per_m, 1e-6))
+
+
+def select_force_effects(data: ForceData, folds: NDArray[np.intp], threshold: float) -> tuple[ForceFit, ForceFit]:
+    """Forward and backward selection by held-out likelihood over the folds (T,) of frames.
+
+    Returns the fits without and with the effects chosen. One enters, and stays, while its gain held out, in half
+    chi-square, exceeds ``threshold``.
+    """
+    base = fit_force(data, ())
+    every = force_starts()
+    chosen: list[FoamEffect] = []
+    best = base
+    score = _held_out(data, chosen, folds, base)
+    while len(chosen) < len(every):
+        gains: dict[str, tuple[float, ForceFit]] = {}
+        for name, starts in every.items():
+            if name in {e.name for e in chosen}:
+                continue
+            fits = [fit_force(data, [*best.effects, s], start=best) for s in starts]
+            fit = min(fits, key=lambda f: f.chi_square)
+            if best.chi_square - fit.chi_square < 2 * threshold:
+                gains[name] = (0.5 * (best.chi_square - fit.chi_square), fit)
+                continue
+            gains[name] = (score - _held_out(data, fit.effects, folds, fit), fit)
+        name, (gain, fit) = max(gains.items(), key=lambda item: item[1][0])
+        if gain < threshold:
+            break
+        chosen = list(fit.effects)
+        best, score = fit, score - gain
+    for effect in list(chosen):
+        rest = [e for e in best.effects if e.name != effect.name]
+        without = fit_force(data, rest, start=best)
+        loss = _held_out(data, without.effects, folds, without) - score
+        if loss < threshold:
+            best, score = without, score + loss
+    return base, best
+
+
+def _held_out(data: ForceData, effects: Sequence[FoamEffect], folds: NDArray[np.intp], start: ForceFit) -> float:
+    """Half chi-square of every fold predicted by a fit to the others."""
+    total = 0.0
+    for fold in np.unique(folds):
+        outside = folds != fold
+        fit = fit_force(data, effects, outside, start)
+        total += 0.5 * float(np.nansum(np.minimum(fit.residual[~outside] ** 2, 1e6)))
+    return total

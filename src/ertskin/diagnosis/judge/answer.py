@@ -1,0 +1,309 @@
+"""From the fits and what they predict to the answer: claims, how sure, the verdict, and where the mismatch lies."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.stats import chi2
+
+from ertskin.diagnosis.contract.claims import (
+    MATERIAL_RATIO,
+    Claim,
+    Diagnosis,
+    Estimate,
+    HeldOut,
+    Reason,
+    against,
+    estimate,
+    verdict_of,
+)
+from ertskin.diagnosis.fit.nonreciprocal import acquires
+from ertskin.diagnosis.force.claims import ForceAnswer, force_answer
+from ertskin.diagnosis.judge.axis_tests import AxisTest, axis_tests, depends_on
+from ertskin.diagnosis.judge.confidence import LEAST, left_over, mending, overshadowed, reasoned, standing_only
+from ertskin.diagnosis.judge.contact_drift_claims import drift_claims
+from ertskin.diagnosis.judge.held_out import Predictions, broad_ratio, misfit_p
+from ertskin.diagnosis.judge.repeatability import Repeatability
+from ertskin.diagnosis.judge.result import Findings
+from ertskin.diagnosis.recording.evidence import Evidence
+from ertskin.diagnosis.recording.split import SPLIT
+from ertskin.diagnosis.rest.baseline import Baseline
+from ertskin.diagnosis.search.selection import Chosen, Selection
+from ertskin.physics.effects.effect import Stage, shown_by
+from ertskin.physics.effects.hypothesis import Measured, Signal
+from ertskin.physics.effects.registry import measured_as
+
+SATURATED = 0.97
+"""Confidence that readings piled up or bent at the top of their range are the converter's doing."""
+WORTH_SAYING = 0.05
+"""Least confidence of a name that is said at all."""
+DOUBT = 2.0
+"""Standard errors of the noise by which a misfit without a name must be more."""
+FROZEN = 0.02
+"""Part of the frames in which a channel must repeat its last readings to be a fault that a verdict is for."""
+STANDS_OUT = 3.0
+"""Times the median by which a channel's standing error makes it the one that is wrong."""
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """All that an answer is made from.
+
+    ``leftover`` is what no network and no named instrument explains, over noise; ``differ`` how presses scatter, where
+    that is most of what the terms leave.
+    """
+
+    evidence: Evidence
+    baseline: Baseline
+    selection: Selection
+    found: Predictions
+    force: ForceAnswer
+    leftover: float
+    differ: Repeatability | None
+
+    @property
+    def instrument_off(self) -> bool:
+        """Whether more is left than any network and the instrument's named effects explain."""
+        return self.leftover > MATERIAL_RATIO
+
+    @property
+    def repeating(self) -> tuple[int, ...]:
+        """Channels that repeat their last readings at times."""
+        return tuple(int(k) for k in np.flatnonzero(self.evidence.repeats))
+
+    @property
+    def frozen(self) -> tuple[int, ...]:
+        """Those that do so often enough to be a fault."""
+        return tuple(k for k in self.repeating if self.evidence.repeats[k] >= FROZEN * len(self.evidence.history))
+
+
+def answered(
+    name: str,
+    evidence: Evidence,
+    baseline: Baseline,
+    selection: Selection,
+    found: Predictions,
+    differ: Repeatability | None,
+) -> Findings:
+    """The diagnosis of a skin's recording called ``name``, before any press is looked for that would settle it."""
+    force = force_answer(evidence, baseline, selection, found.held)
+    case = Case(evidence, baseline, selection, found, force, _leftover_after(evidence, selection), differ)
+    claims = _claims(case)
+    # Places that have not recovered look like a contact that jitters; where their memory is named it says why.
+    recovering = any(getattr(claim.effect, "remembers_air", False) for claim in claims) and evidence.traces.shape[2] > 0
+    jitters = baseline.noise.jittering >= 0 and not recovering
+    verdict = _verdict(case, claims, jitters)
+    if verdict in ("unexplained", "no_mismatch"):
+        claims = []
+    history = evidence.history[found.held]
+    tests_before = axis_tests(found.before, history, evidence.protocol)
+    tests_after = axis_tests(found.after, history, evidence.protocol)
+    axes: list[str] = [axis for claim in claims for axis in claim.effect.hypothesis.axes]
+    if verdict == "unexplained":
+        axes = ["electrode", "time"] if jitters else depends_on(tests_before)
+    if selection.specimen == "disagrees":
+        axes.append("specimen")
+    electrodes = _electrodes(case, claims)
+    if jitters:
+        electrodes = tuple(dict.fromkeys((*electrodes, baseline.noise.jittering)))
+    position, radius = _place_of(claims)
+    left = found.ratio_after if claims else found.ratio_before
+    diagnosis = Diagnosis(
+        name,
+        verdict,
+        HeldOut(
+            SPLIT, evidence.noise_v, found.ratio_before, left, _p_value(found, claims), force.before_n, force.after_n
+        ),
+        stage=_stage(case, claims, verdict, jitters),
+        electrodes=electrodes,
+        position_m=position,
+        radius_m=radius,
+        depends_on=tuple(dict.fromkeys(axes)),
+        claims=tuple(claims),
+        unexplained_ratio=left,
+        unexplained_depends_on=_left_depends_on(case, tests_after),
+        presses_differ=differ,
+        reason=_reason(case, jitters),
+        specimen=selection.specimen,
+        tried=selection.tried,
+    )
+    return Findings(
+        diagnosis,
+        evidence,
+        baseline,
+        selection,
+        found.held,
+        found.before,
+        found.after,
+        tuple(tests_before),
+        tuple(tests_after),
+    )
+
+
+def _claims(case: Case) -> list[Claim]:
+    """Every claim with its confidence, the largest first and contacts that wander last."""
+    selection = case.selection
+    claims = [_voltage_claim(selection, chosen, k) for k, chosen in enumerate(selection.chosen)]
+    claims = [_against_rivals(claim) for claim in [*claims, *case.force.claims, *drift_claims(selection)]]
+    for rule, why, judged in _rules(case):
+        claims = reasoned(claims, judged(claims), rule, why)
+    claims += _instrument_claims(case)
+    claims = [claim for claim in claims if claim.confidence >= WORTH_SAYING]
+    return sorted(claims, key=lambda c: (c.effect.hypothesis.measured == Measured.CONTACT_PATH, -c.ratio_alone))
+
+
+def _rules(case: Case) -> list[tuple[str, str, Callable[[list[Claim]], list[Claim]]]]:
+    """What makes claims less sure: name, reason and rule, in the order in which they count."""
+    selection, ratios = case.selection, (case.found.ratio_before, case.found.ratio_after)
+    presses_free = None if case.differ is None else case.differ.left_of(case.found.ratio_after)
+    agrees = selection.specimen == "agrees"
+    shown = {finding.effect.name for finding in case.baseline.specimen_findings if agrees}
+    if case.baseline.displaced is not None:
+        shown.add(case.baseline.displaced.name)
+    shape = case.evidence.protocol.orthonormal.shape
+    residuals = (selection.before.scan_residual, selection.after.scan_residual)
+    rest = selection.problem.evidence.rest
+    return [
+        ("left_over", "part of the misfit stays", lambda c: left_over(c, *ratios, presses_free)),
+        (
+            "mending",
+            "small beside one that depends on the same: it may mend that one's form",
+            lambda c: mending(c, shown),
+        ),
+        (
+            "overshadowed",
+            "no network and no named instrument explains much of the readings",
+            lambda c: overshadowed(c, shape, ratios, case.leftover),
+        ),
+        (
+            "standing_only",
+            "it explains what stands at rest, but little of what presses change",
+            lambda c: standing_only(c, *residuals, rest, shown),
+        ),
+    ]
+
+
+def _against_rivals(claim: Claim) -> Claim:
+    """The claim with what its confidence begins from."""
+    names = ", ".join(dict.fromkeys(rival.effect.name for rival in claim.rivals)) or "none"
+    return replace(claim, reasons=(Reason("rivals", 1.0, claim.confidence, f"fitted in its stead: {names}"),))
+
+
+def _stage(case: Case, claims: list[Claim], verdict: str, jitters: bool) -> str | None:
+    """Where in the chain the mismatch arises: the first claim's stage, or what is plainly wrong without a name."""
+    if claims:
+        return str(claims[0].effect.stage)
+    if verdict != "unexplained":
+        return None
+    nothing_else = case.found.ratio_before <= MATERIAL_RATIO and not case.force.off
+    if case.instrument_off or (case.frozen and nothing_else):
+        return str(Stage.ACQUISITION)
+    return str(Stage.ELECTRODES) if jitters else None
+
+
+def _verdict(case: Case, claims: list[Claim], jitters: bool) -> str:
+    beyond = case.instrument_off or bool(case.frozen)
+    instrument = beyond or any(shown_by(c.effect, Signal.NONRECIPROCAL) for c in claims)
+    mismatch = bool(case.force.claims) or case.force.off or instrument or jitters
+    surely = 1 + DOUBT * case.baseline.noise.error
+    press = case.evidence.history[case.found.held].press
+    before = case.found.ratio_before if claims else broad_ratio(case.found.before, press) / surely
+    verdict = verdict_of(before, case.found.ratio_after, bool(claims), mismatch)
+    if verdict == "explained" and (case.force.off or beyond or jitters):
+        return "partly_explained"
+    return verdict
+
+
+def _left_depends_on(case: Case, tests: list[AxisTest]) -> tuple[str, ...]:
+    if case.found.ratio_after <= MATERIAL_RATIO:
+        return ()
+    return (*depends_on(tests), *(("press",) if case.differ is not None else ()))
+
+
+def _reason(case: Case, jitters: bool) -> str | None:
+    """What is plainly wrong though no effect's name is for it."""
+    said = [
+        f"channel {k} repeats its last readings in {case.evidence.repeats[k]} frames, where they are left out:"
+        " check its converter and wiring"
+        for k in case.repeating
+    ]
+    if jitters:
+        said.append(
+            f"the contact of electrode {case.baseline.noise.jittering} changes between rest frames: is it loose?"
+        )
+    if case.selection.specimen == "disagrees":
+        said.append("the specimen and the skin disagree, two pieces of fabric: the skin is judged by its own readings")
+    return "; ".join(said) or None
+
+
+def _p_value(found: Predictions, claims: list[Claim]) -> float:
+    """Chance of the gain held out from what was claimed, or of the misfit itself where nothing was."""
+    if not claims:
+        return misfit_p(found.before)
+    gained = float((found.before**2).sum() - (found.after**2).sum())
+    return float(chi2.sf(max(gained, 0.0), max(1, sum(len(c.parameters) for c in claims))))
+
+
+def _instrument_claims(case: Case) -> list[Claim]:
+    """A converter at its limit, which the readings themselves show; below it they should be straight."""
+    evidence, limit = case.evidence, case.evidence.saturated_v
+    if limit is None:
+        return []
+    step = 2 * (evidence.protocol.adc_volts_per_count or 1e-4 * abs(limit))
+    alone = max(1.0, evidence.leftover_ratio)
+    sure = LEAST * SATURATED if case.instrument_off else SATURATED
+    return [
+        Claim(
+            measured_as(Measured.READING_LIMIT)().changed({"limit_v": limit}),
+            sure,
+            alone,
+            {"limit_v": Estimate(limit, limit - step, limit + step, "V")},
+        )
+    ]
+
+
+def _leftover_after(evidence: Evidence, selection: Selection) -> float:
+    """Rms over noise of what no network explains, the instrument's named effects taken off."""
+    solved, problem = selection.after, selection.problem
+    if not acquires(solved.effects):
+        return evidence.leftover_ratio
+    left = problem.acquisition.residual(problem.family.skin(solved.calibration, solved.effects))
+    return float(np.sqrt((left[left != 0] ** 2).mean() / evidence.leftover_share))
+
+
+def _voltage_claim(selection: Selection, chosen: Chosen, number: int) -> Claim:
+    solved = selection.after
+    first = len(solved.terms) - len(selection.chosen)
+    term = solved.terms[first + number]
+    known = term.effect.parameters()
+    estimates = {}
+    for key in term.free:
+        estimates[key] = estimate(*solved.known(first + number, key), known[key])
+    confidence, alternatives = against(chosen.rivals)
+    return Claim(term.effect, confidence, chosen.ratio_alone, estimates, alternatives, chosen.rivals)
+
+
+def _electrodes(case: Case, claims: list[Claim]) -> tuple[int, ...]:
+    """Electrodes and channels claimed, channels that freeze, and those whose readings no network explains."""
+    claimed = [getattr(c.effect, key, -1) for c in claims for key in ("electrode", "channel")]
+    named = tuple(int(number) for number in claimed if number >= 0)
+    wrong = (*named, *case.frozen)
+    if case.instrument_off:
+        wrong = (*wrong, *_leftover_channels(case.evidence))
+    return tuple(dict.fromkeys(wrong))
+
+
+def _leftover_channels(evidence: Evidence) -> tuple[int, ...]:
+    """Channels whose readings are off by what no network explains, frame after frame, far more than the others'."""
+    mean = evidence.leftover_v.mean(axis=0)
+    size = np.sqrt((mean**2).mean(axis=0))
+    return tuple(int(k) for k in np.flatnonzero(size > STANDS_OUT * np.median(size)))
+
+
+def _place_of(claims: list[Claim]) -> tuple[tuple[float, float] | None, float | None]:
+    for claim in claims:
+        if claim.effect.place is not None:
+            return claim.effect.place
+    return None, None

@@ -1,0 +1,147 @@
+"""What makes a name less sure than its rivals alone would: misfit that stays, and effects that mend another's form."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ertskin.diagnosis.contract.claims import MATERIAL_RATIO, Claim, Reason
+from ertskin.physics.effects.effect import Effect, Stage, shown_by
+from ertskin.physics.effects.hypothesis import Axis, Signal
+
+KIN = {
+    Axis.HISTORY: "when",
+    Axis.TIME: "when",
+    Axis.PLACE: "where",
+    Axis.ELECTRODE: "where",
+    Axis.SCAN_ORDER: "how",
+}
+"""Axes along which one effect's wrong form can look like another effect; force alone tells no kin."""
+FORM = 0.25
+"""Part of an effect's excess chi-square that a form which isn't exactly the skin's may leave to others."""
+LEAST = 0.5
+MATERIAL = 1.03**2 - 1
+"""Excess mean square that is worth a doubt; far above what chance makes of any recording."""
+LEFT = 0.5
+"""Part of the excess misfit of what presses change from which on it counts as left unexplained."""
+
+Array = NDArray[np.float64]
+
+
+def reasoned(before: Sequence[Claim], after: Sequence[Claim], rule: str, why: str) -> list[Claim]:
+    """The claims ``after`` a rule, those it made less sure with the reason; both in the same order."""
+    found = []
+    for old, new in zip(before, after, strict=True):
+        reason = Reason(rule, old.confidence, new.confidence, why)
+        found.append(new if new.confidence == old.confidence else replace(new, reasons=(*new.reasons, reason)))
+    return found
+
+
+def left_over(claims: Sequence[Claim], before: float, after: float, presses_free: float | None = None) -> list[Claim]:
+    """Claims lose confidence with the part of the misfit (rms, the noise taken off) that they leave.
+
+    A name for something else explains in part, and mostly the larger part: a torn patch taken for a field of
+    sensitivity left a quarter of the misfit, 7 % of its square. ``presses_free`` is what stays of ``after`` on a rig
+    whose presses don't repeat once each may land and press in its own way: that scatter speaks only against names for
+    what changes from place to place or from electrode to electrode.
+    """
+
+    def share(claim: Claim) -> float:
+        if claim.effect.stage == Stage.MECHANICS:
+            return 1.0
+        placed = "where" in _kind(claim)
+        return _explained(before, after if placed or presses_free is None else presses_free)
+
+    return [replace(c, confidence=c.confidence * share(c)) for c in claims]
+
+
+def left_over_of_force(claims: Sequence[Claim], before: float, after: float) -> list[Claim]:
+    """The same for claims that the load cell made, with its misfits over its noise, where what is left is sure."""
+    return [replace(c, confidence=c.confidence * _explained(before, after)) for c in claims]
+
+
+def _explained(before: float, after: float) -> float:
+    excess, left = max(before**2 - 1, 0.0), max(after**2 - MATERIAL_RATIO**2, 0.0)
+    return max(0.0, 1 - float(np.sqrt(left / excess))) if excess > 0 else 1.0
+
+
+def mending(claims: Sequence[Claim], shown: Collection[str] = ()) -> list[Claim]:
+    """A claim that is small beside one of its kin may only mend that one's form, which becomes its alternative.
+
+    Not so the instrument's effects, which what no network explains has named, nor those ``shown`` by another signal.
+    """
+    found = []
+    for claim in claims:
+        kin = [c for c in claims if c.effect.name != claim.effect.name and _kind(c) & _kind(claim)]
+        strongest = max(kin, key=_excess, default=None)
+        share = 1.0 if strongest is None else _excess(claim) / max(FORM * _excess(strongest), 1e-12)
+        sure = shown_by(claim.effect, Signal.NONRECIPROCAL) or claim.effect.name in shown
+        if strongest is None or share >= 1 or sure:
+            found.append(claim)
+            continue
+        kept = claim.confidence * max(share, LEAST)
+        others = (*claim.alternatives, (strongest.effect.name, claim.confidence - kept))
+        found.append(replace(claim, confidence=kept, alternatives=others))
+    return found
+
+
+def overshadowed(
+    claims: Sequence[Claim], shape: tuple[int, ...], ratios: tuple[float, float], left: float
+) -> list[Claim]:
+    """Names of what a network does lose confidence beside much that no network and no named instrument explains.
+
+    Half a diode, say, also shifts the reciprocal numbers a little, and a little bend of the sheet would explain that.
+    ``shape`` is the readings' and the pairs' number, ``ratios`` the misfit of the pairs before and after, ``left`` that
+    of the readings beyond what a network explains.
+    """
+    readings, pairs = shape
+    beyond = (readings - pairs) * max(left**2 - MATERIAL_RATIO**2, 0.0)
+    explained = pairs * max(ratios[0] ** 2 - ratios[1] ** 2, 0.0)
+    if beyond <= 0:
+        return list(claims)
+    share = explained / (explained + beyond)
+
+    def unshaken(effect: Effect) -> bool:
+        return effect.stage == Stage.MECHANICS or shown_by(effect, Signal.NONRECIPROCAL)
+
+    return [c if unshaken(c.effect) else replace(c, confidence=c.confidence * share) for c in claims]
+
+
+def standing_only(
+    claims: Sequence[Claim], before: Array, after: Array, rest: NDArray[np.bool_], shown: Collection[str] = ()
+) -> list[Claim]:
+    """Names of what carries the current lose confidence where they leave most of what presses change unexplained.
+
+    ``before`` and ``after`` (T,P) are residuals in units of the noise, noughts in frames not fitted, ``rest`` (T,) says
+    where nothing presses. A field of the sheet can be bent to any standing error of an electrode; how presses then
+    show it can't follow.
+    """
+    fitted = np.asarray(before.any(axis=1) & after.any(axis=1))
+    if not (fitted & rest).any() or not (fitted & ~rest).any():
+        return list(claims)
+    much, left = (_changing(residual, fitted, rest) for residual in (before, after))
+    if left < MATERIAL or left < LEFT * much:
+        return list(claims)
+
+    def doubtful(effect: Effect) -> bool:
+        standing = effect.stage in (Stage.CONDUCTION, Stage.ELECTRODES) and Axis.TIME not in effect.hypothesis.axes
+        return standing and effect.name not in shown
+
+    return [replace(c, confidence=LEAST * c.confidence) if doubtful(c.effect) else c for c in claims]
+
+
+def _changing(residual: Array, fitted: NDArray[np.bool_], rest: NDArray[np.bool_]) -> float:
+    """Excess mean square of what a misfit of pressed frames has beyond the mean one at rest."""
+    change = residual[fitted & ~rest] - residual[fitted & rest].mean(axis=0)
+    return float((change**2).mean()) - (1 + 1 / int((fitted & rest).sum()))
+
+
+def _kind(claim: Claim) -> set[str]:
+    return {KIN[axis] for axis in claim.effect.hypothesis.axes if axis in KIN}
+
+
+def _excess(claim: Claim) -> float:
+    return max(claim.ratio_alone**2 - 1, 0.0)

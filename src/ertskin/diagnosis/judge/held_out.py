@@ -1,0 +1,100 @@
+"""Presses that no fit has seen, predicted without and with what was named: the misfit before and after."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import chi2
+
+from ertskin.diagnosis.contract.claims import MATERIAL_RATIO
+from ertskin.diagnosis.fit.joint_fit import Solved
+from ertskin.diagnosis.linear.calibration_vector import SkinFamily
+from ertskin.diagnosis.recording.evidence import Evidence
+from ertskin.diagnosis.rest.baseline import Baseline
+from ertskin.diagnosis.search.selection import Selection
+from ertskin.physics.skin import Skin
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+LONE_PRESS = 2.0
+"""Misfit over noise from which a single held-out press is enough to say that something is missing."""
+
+
+@dataclass(frozen=True, eq=False)
+class Predictions:
+    """Whitened residuals (n,P), in units of the noise, of the frames ``held`` (n,) by the plain simulator and after."""
+
+    held: Indices
+    before: Array
+    after: Array
+
+    @property
+    def ratio_before(self) -> float:
+        """Misfit over noise of the plain simulator."""
+        return ratio(self.before)
+
+    @property
+    def ratio_after(self) -> float:
+        """Misfit over noise with what was named."""
+        return ratio(self.after)
+
+
+def predictions(
+    evidence: Evidence, baseline: Baseline, plain: Solved, selection: Selection, family: SkinFamily, held: Indices
+) -> Predictions:
+    """Each frame held out solved exactly: by ``plain``, calibrated without any effect, and with what was named."""
+    before = family.skin(plain.calibration, ())
+    after = family.remeshed(selection.after.calibration, selection.after.effects)
+    return Predictions(
+        held,
+        _residual(evidence, before, baseline.plain_force_n, held),
+        _residual(evidence, after, baseline.force_n, held),
+    )
+
+
+def unspoilt(
+    evidence: Evidence, baseline: Baseline, selection: Selection, family: SkinFamily, found: Predictions
+) -> tuple[Selection, Predictions]:
+    """The selection and its prediction; without its terms where they spoil presses that no fit has seen."""
+    if not selection.chosen:
+        return selection, found
+    plain = family.remeshed(selection.before.calibration, selection.before.effects)
+    without = _residual(evidence, plain, baseline.force_n, found.held)
+    if found.ratio_after <= MATERIAL_RATIO * ratio(without):
+        return selection, found
+    return replace(selection, after=selection.before, chosen=()), replace(found, after=without)
+
+
+def _residual(evidence: Evidence, skin: Skin, force_n: Array, held: Indices) -> Array:
+    readings = skin.readings_v(evidence.history, force_n, held)
+    scans = readings.reshape(len(held), -1) @ evidence.protocol.orthonormal
+    here = evidence.frames(held)
+    residual = here.discounted((evidence.scan_v[held] - scans) / evidence.noise_v)
+    # Directions that say nothing are noughts: over what is left, noise is to be one.
+    return residual * here.told_more[:, None]
+
+
+def ratio(residual: Array) -> float:
+    """Rms of a residual in units of the noise."""
+    return float(np.sqrt((residual**2).mean()))
+
+
+def broad_ratio(residual: Array, press: NDArray[np.int64]) -> float:
+    """Misfit over noise without the worst press, unless that one is off by more than ``LONE_PRESS``.
+
+    Discretisation and the unlimited pad of the model cost most at the corners, where a single held-out press may lie
+    beyond what the others calibrate; a place that is really different is off by far more.
+    """
+    numbers = np.unique(press)
+    ratios = np.array([ratio(residual[press == number]) for number in numbers])
+    if len(numbers) < 3 or ratios.max() > LONE_PRESS:
+        return ratio(residual)
+    return ratio(residual[press != numbers[ratios.argmax()]])
+
+
+def misfit_p(residual: Array) -> float:
+    """Chance of so large a misfit from white noise alone."""
+    return float(chi2.sf(float((residual**2).sum()), residual.size))

@@ -1,0 +1,1 @@
+"""The skin linearised about the states its recording visits."""

@@ -1,0 +1,444 @@
+"""A skin linearised about the states its recording visits: scans for other parameters without solving again.
+
+What a parameter does to the sheet's conductance near the contacts is computed exactly, on a small grid around them;
+only conduction is linear, about a solution of the nearest state, and for what presses have left behind elsewhere, about
+rest. Everything is in whitened coordinates (volt).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+
+from ertskin.cores import in_threads
+from ertskin.diagnosis.linear.patches import (
+    Past,
+    Patch,
+    State,
+    contact_groups,
+    followers,
+    in_contact,
+    main_directions,
+    memory_frames,
+    within,
+)
+from ertskin.diagnosis.linear.sensitivity import Hats, PadRims, model_elements, sheet_sensitivity, whitening_of_transfer
+from ertskin.diagnosis.linear.sheet_state import SheetState, displaced, pad_shifts
+from ertskin.physics.conduction.mesh import Grading
+from ertskin.physics.conduction.sheet import Resolution, SheetModel, Solution
+from ertskin.physics.effects.effect import Effect, FoamEffect, MotionEffect, PiezoEffect, PlacementEffect, SheetEffect
+from ertskin.physics.history import History
+from ertskin.physics.skin import SKEW_NODES, TAIL, Skin, frames_since, lagrange_weights
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+GRID_M = 1.5e-3
+NEAR_CONTACTS = 0.03
+"""Relative change of contact resistances that their first derivatives still carry: a series resistance is linear."""
+COARSE_GRID_M = 0.01
+LEFT_GRID_M = 4e-3
+"""Grid for what presses have left behind: a press's own changes are resolved finer."""
+REMEMBERED = 2000
+"""Pressures are remembered for grids of fewer points than this."""
+RANK = 128
+"""Directions kept of the derivatives on a patch's grid. On the paper's skin 100 leave 5e-4 of the noise out of a change
+of a tenth of the signal; every evaluation reads that much less memory."""
+COARSE = Resolution(2, Grading(cell_m=8e-3, rim_m=5e-4, growth=7.0, spread=0.7))
+"""Mesh for derivatives by what changes the whole sheet: good to a percent of them."""
+SHEET_TENSORS = np.array([[1.0, 0.0, 1.0], [0.5, 0.0, -0.5], [0.0, 0.5, 0.0]])
+"""Scalar change of conductance and the two derivatives of the anisotropic tensor at isotropy."""
+
+Progress = Callable[[float, str], None]
+
+
+def motions(effects: Sequence[Effect]) -> list[MotionEffect]:
+    """The effects by which contacts move during a scan."""
+    return [e for e in effects if isinstance(e, MotionEffect) and e.moves]
+
+
+class LinearSkin:
+    """Whitened scans of a history for any calibration and effects near those of ``skin``.
+
+    Of the ``wanted`` frames (n,), in recording order; the history's others count as their past.
+    """
+
+    def __init__(
+        self,
+        skin: Skin,
+        history: History,
+        force_n: Array,
+        wanted: Indices | None = None,
+        progress: Progress | None = None,
+    ) -> None:
+        self.skin = skin
+        self.history = history
+        self.force_n = force_n
+        self.wanted = np.arange(len(history)) if wanted is None else wanted
+        self.protocol = skin.protocol
+        self._whitening = whitening_of_transfer(skin.protocol)
+        self._contact = skin.contact_m(history.contact_m)
+        self._regime: tuple[object, tuple[Effect, ...], object] = (None, (), None)
+        self._pressures: dict[tuple[bytes, bytes], Array] = {}
+        self._latest_relative: dict[int, tuple[object, Array]] = {}
+        self._latest_field: dict[int, tuple[object, Array]] = {}
+        self._still: tuple[Skin, Array, Array] | None = None
+        self._moving: tuple[Skin, Array, list[Array]] | None = None
+        self._moved: tuple[tuple[object, ...], Array, list[Array]] | None = None
+        self._rims = PadRims(skin.sheet)
+        self._points = skin.sheet.quadrature_m.reshape(-1, 2)
+        self._sheet = SheetState.of(skin, self._points)
+        self._rest = self._solve(self._rest_relative, skin.contact_resistance_ohm)
+        self._contacts_now = self._contact_ohm(skin, force_n) / self._drift(skin)[:, None]
+        self.patches = self._build(progress or (lambda share, text: None))
+        self._moments = self._at_moments(progress)
+
+    # building ------------------------------------------------------------------------------------------------------
+
+    @cached_property
+    def _rest_relative(self) -> Array:
+        return np.ones(len(self._points))
+
+    def _solve(self, relative: Array, contact_ohm: Array, base: Solution | None = None) -> Solution:
+        """Solution for a relative conductance (E*Q,) of the sheet, the skin's own tensor and field included."""
+        conductance = (relative * self._scale_s).reshape(self.skin.sheet.weight_m2.shape)
+        if self._sheet.isotropic and base is not None and np.array_equal(base.contact_resistance_ohm, contact_ohm):
+            if np.array_equal(conductance, base.conductivity_s):
+                return base
+            return self.skin.sheet.solve_again(conductance, base)
+        return self.skin.sheet.solve(self._sheet.shaped(conductance), contact_ohm)
+
+    @cached_property
+    def _scale_s(self) -> Array:
+        """(E*Q,) size in siemens of the untouched sheet's conductance."""
+        return np.asarray(np.exp(self._sheet.log_size) / self.skin.piezo.zero_ohm_sq)
+
+    def _by_size(self, solution: Solution, elements: Indices, hats: csr_array, points: Indices) -> Array:
+        """(P,G) derivatives of a solution's scan by the relative size of the conductance, hats (G,n) at points (n,)."""
+        tensor, scale = self._sheet.tensor, self._scale_s[points]
+        if np.ptp(tensor, axis=0).max() == 0:
+            return sheet_sensitivity(solution, elements, hats, self._whitening, tensor[:1], scale)[0]
+        parts = [
+            sheet_sensitivity(solution, elements, hats, self._whitening, unit[None], scale * part)[0]
+            for unit, part in zip(np.eye(3), tensor[points].T, strict=True)
+        ]
+        return np.sum(parts, axis=0)
+
+    def _build(self, progress: Progress) -> list[Patch]:
+        groups = contact_groups(self._contact[self.wanted], self.force_n[self.wanted])
+        done = 0
+
+        def one(rows: Indices) -> Patch:
+            nonlocal done
+            patch = self._patch(rows)
+            done += 1
+            progress(done / len(groups), f"linearised {done} of {len(groups)} places")
+            return patch
+
+        return in_threads(one, groups)
+
+    def _patch(self, rows: Indices) -> Patch:
+        present = in_contact(self._contact, self.force_n)
+        frames = self.wanted[rows]
+        spots = self._contact[frames[0]][present[frames[0]]]
+        reach = self.skin.pressure.radius_m(TAIL)
+        near = within(self._points, spots, reach)
+        elements = model_elements(self.skin.sheet, near)
+        if len(spots):
+            low = np.maximum(spots.min(axis=0) - reach, self.skin.sensor.extent_m[0])
+            high = np.minimum(spots.max(axis=0) + reach, self.skin.sensor.extent_m[1])
+        else:
+            low, high = self.skin.sensor.extent_m[0], self.skin.sensor.extent_m[0] + GRID_M
+        hats = Hats(low, high, GRID_M)
+        inside = np.flatnonzero(within(hats.node_m, spots, reach + 2 * GRID_M))
+        visits = memory_frames(self._contact, self.force_n, spots, reach)
+        since = frames_since(np.asarray(~present.any(axis=1)), frames)
+        past, since_air = (Past(known, np.searchsorted(known, frames)) for known in (visits, since))
+        nobody, unknown = np.zeros(len(rows), dtype=np.intp), np.zeros((len(inside), 0), dtype=np.float32)
+        patch = Patch(rows, past, since_air, hats, inside, [], nobody, unknown)
+        relative = self._relative(self.skin, self.force_n, patch)
+        contacts = self._contacts_now[rows]
+        state_of, leaders = followers(relative, contacts, self.skin.contact_resistance_ohm)
+        per = self.skin.sheet.weight_m2.shape[1]
+        points = (elements[:, None] * per + np.arange(per)).ravel()
+        close = points[within(self._points[points], spots, reach)]
+        before = patch.past_of(self.skin)
+        led = Past(before.frames, before.own[leaders])
+        pressed = self._relative_at(self.skin, self.force_n, self._points[close], led)
+        states = [
+            self._state(patch, elements, relative[k], contacts[k], close, values)
+            for k, values in zip(leaders, pressed, strict=True)
+        ]
+        directions = main_directions(np.concatenate([state.local for state in states]), RANK)
+        states = [replace(state, local=state.local @ directions) for state in states]
+        return replace(patch, states=states, state_of=state_of, directions=directions)
+
+    def _state(
+        self, patch: Patch, elements: Indices, relative: Array, contact_ohm: Array, close: Indices, pressed: Array
+    ) -> State:
+        """The solution for contact resistances (L,) and relative conductance ``pressed`` at the points ``close``.
+
+        ``relative`` (G,) is the same on the patch's grid.
+        """
+        sheet = self._rest_relative.copy()
+        sheet[close] = pressed
+        per = self.skin.sheet.weight_m2.shape[1]
+        points = (elements[:, None] * per + np.arange(per)).ravel()
+        unmoved = np.abs(contact_ohm / self.skin.contact_resistance_ohm - 1).max() < NEAR_CONTACTS
+        used = self.skin.contact_resistance_ohm if unmoved else contact_ohm
+        solution = self._solve(sheet, used, self._rest if unmoved else None)
+        hats = patch.hats.values(self._points[points])[patch.inside]
+        local = self._by_size(solution, elements, hats, points)
+        return State(
+            self.protocol.whitened(solution.pair_resistance_ohm),
+            relative,
+            used,
+            local.astype(np.float32),
+            self.protocol.whitened(solution.jacobian_contact_resistance().T).T,
+            self._rims.sensitivity(solution, self.protocol),
+        )
+
+    # places not recovered --------------------------------------------------------------------------------------------
+
+    @cached_property
+    def _everywhere(self) -> tuple[Array, Array, NDArray[np.bool_]]:
+        """Nodes (H,2) over the whole sheet, derivatives (P,H) at rest by their relative conductance, and which nodes
+        each of the wanted frames has within reach of its own contacts (n,H): there the patches tell."""
+        low, high = self.skin.sensor.extent_m
+        hats = Hats(low, high, LEFT_GRID_M)
+        elements = np.arange(len(self.skin.sheet.weight_m2))
+        columns = self._by_size(self._rest, elements, hats.values(self._points), np.arange(len(self._points)))
+        present = in_contact(self._contact, self.force_n)
+        reach = self.skin.pressure.radius_m(TAIL)
+        own = np.zeros((len(self.wanted), len(hats.node_m)), dtype=bool)
+        for patch in self.patches:
+            frame = self.wanted[patch.rows[0]]
+            own[patch.rows] = within(hats.node_m, self._contact[frame][present[frame]], reach)
+        return hats.node_m, columns, own
+
+    def _left_behind(self, skin: Skin, force_n: Array) -> Array | None:
+        """(n,P) change of the scans by what presses elsewhere have left, to first order; None if nothing remembers."""
+        if not skin.remembers_air:
+            return None
+        nodes, columns, own = self._everywhere
+        pressure = self._pressure(skin, force_n, nodes, np.arange(len(force_n)))
+        change = skin.left_behind(self.history.time_s, nodes, pressure, self.wanted)
+        # The current that flows anyway dissipates with the resistance.
+        change = change * np.exp(-self._sheet_change(skin, nodes).log_size)
+        return np.where(own, 0.0, change) @ columns.T
+
+    # whole-sheet derivatives, on a coarser mesh ----------------------------------------------------------------------
+
+    @cached_property
+    def sheet_hats(self) -> Hats:
+        """Coarse grid over the whole sheet on which its own field and anisotropy are resolved."""
+        low, high = self.skin.sensor.extent_m
+        return Hats(low, high, COARSE_GRID_M)
+
+    @cached_property
+    def sheet_derivatives(self) -> list[list[Array]]:
+        """Per patch, (3,P,H) derivatives at rest and (but for the resting patch) under the strongest press."""
+        model = SheetModel(displaced(self.skin), COARSE)
+        points = model.quadrature_m.reshape(-1, 2)
+        elements = np.arange(len(model.weight_m2))
+        hats = self.sheet_hats.values(points)
+        sheet_state = SheetState.of(self.skin, points)
+        scale = np.exp(sheet_state.log_size) / self.skin.piezo.zero_ohm_sq
+
+        def derivative(relative: Array) -> Array:
+            conductance = (scale * relative).reshape(model.weight_m2.shape)
+            solution = model.solve(sheet_state.shaped(conductance), self.skin.contact_resistance_ohm)
+            return sheet_sensitivity(solution, elements, hats, self._whitening, SHEET_TENSORS, scale * relative)
+
+        def strongest(patch: Patch) -> Array:
+            first = self.wanted[patch.rows[0]]
+            spots = self._contact[first][in_contact(self._contact, self.force_n)[first]]
+            if not len(spots):
+                return rest
+            close = np.flatnonzero(within(points, spots, self.skin.pressure.radius_m(TAIL)))
+            signal = np.array([np.abs(patch.states[k].relative - 1).sum() for k in patch.state_of])
+            row = self.wanted[patch.rows[int(signal.argmax())]]
+            sheet = np.ones(len(points))
+            past = patch.past_of(self.skin)
+            mine = Past(past.frames, np.searchsorted(past.frames, [row]))
+            sheet[close] = self._relative_at(self.skin, self.force_n, points[close], mine)[0]
+            return derivative(sheet)
+
+        rest = derivative(np.ones(len(points)))
+        return [[rest, top] for top in in_threads(strongest, self.patches)]
+
+    def sheet_change(self, patch_number: int, change: Array) -> Array:
+        """(S,P) change of the scans of a patch's states for coarse-grid changes (3,H) of conductance and anisotropy."""
+        rest, top = (np.einsum("cph,ch->p", d, change, optimize=True) for d in self.sheet_derivatives[patch_number])
+        signal = np.array([np.abs(s.relative - 1).sum() for s in self.patches[patch_number].states])
+        share = signal / signal.max() if signal.max() > 0 else np.zeros(len(signal))
+        return np.asarray(rest + share[:, None] * (top - rest))
+
+    # evaluating ----------------------------------------------------------------------------------------------------
+
+    def scans(self, skin: Skin, force_n: Array | None = None) -> Array:
+        """(n,P) whitened scans of the wanted frames for another calibration and other effects, scan skew included."""
+        force = self.force_n if force_n is None else force_n
+        skew = motions(skin.effects)
+        if not skew or self.protocol.injection_offset_s is None:
+            return self.still_scans(skin, force)
+        moments, mixing = self.skew_mixing
+        return sum(still @ mix.T for still, mix in zip(self.skewed(skin, skew[0], force, moments), mixing, strict=True))  # type: ignore[return-value]
+
+    def skewed(self, skin: Skin, skew: MotionEffect, force_n: Array, moments: Array) -> list[Array]:
+        """Whitened scans (n,P) the skin would give standing still at each of the moments (S,) of its motion."""
+        if self._moving is None or self._moving[0] is not skin or self._moving[1] is not force_n:
+            forces = self._moved_forces(skin, skew, force_n, moments)
+            about = self._moments if self._moments else [self] * len(forces)
+            found = [linear.still_scans(skin, force) for linear, force in zip(about, forces, strict=True)]
+            self._moving = skin, force_n, found
+        return self._moving[2]
+
+    @cached_property
+    def skew_mixing(self) -> tuple[Array, list[Array]]:
+        """Moments (S,) of a scan and, for each, the (P,P) part it has in the scan's reciprocal coordinates."""
+        offset = np.asarray(self.protocol.injection_offset_s)
+        moments = np.linspace(offset.min(), offset.max(), SKEW_NODES)
+        weights = lagrange_weights(moments, offset)
+        basis = self.protocol.orthonormal
+        readings = self.protocol.shape[1]
+        mixing = [basis.T @ (np.repeat(weights[:, s], readings)[:, None] * basis) for s in range(SKEW_NODES)]
+        return moments, mixing
+
+    def _at_moments(self, progress: Progress | None) -> list[LinearSkin]:
+        """Where the presses move during a scan, the skin linearised about each of the moments that scan is made of."""
+        skew = motions(self.skin.effects)
+        if not skew or self.protocol.injection_offset_s is None:
+            return []
+        moments, _ = self.skew_mixing
+        # The mesh is that of the pads as they lie already.
+        still = replace(self.skin, effects=tuple(e for e in self.skin.effects if not isinstance(e, MotionEffect)))
+        forces = self._moved_forces(self.skin, skew[0], self.force_n, moments)
+        return [LinearSkin(still, self.history, force, self.wanted, progress) for force in forces]
+
+    def _moved_forces(self, skin: Skin, skew: MotionEffect, force_n: Array, moments: Array) -> list[Array]:
+        """Forces (T,C) at each of the moments; the latest are remembered, for pressures are by them."""
+        foam = tuple(e for e in skin.effects if isinstance(e, FoamEffect))
+        key = (skew, foam, skin.pad_n_per_m, skin.support_n_per_m)
+        if self._moved is None or self._moved[0] != key or self._moved[1] is not force_n:
+            at_rest = skin.force_n(self.history)
+            depth = skew.depth_m(self.history, moments)
+            result = []
+            for s in range(len(moments)):
+                moved = skin.force_n(self.history, depth[:, s])
+                scale = np.where(at_rest > 0, moved / np.where(at_rest > 0, at_rest, 1.0), 1.0)
+                result.append(force_n * scale)
+            self._moved = key, force_n, result
+        return self._moved[2]
+
+    def still_scans(self, skin: Skin, force_n: Array) -> Array:
+        """(n,P) whitened scans, every scan taken in an instant; the latest are remembered."""
+        if self._still is None or self._still[0] is not skin or self._still[1] is not force_n:
+            self._still = skin, force_n, self._still_scans(skin, force_n)
+        return self._still[2]
+
+    def _still_scans(self, skin: Skin, force_n: Array) -> Array:
+        result = np.empty((len(self.wanted), self.protocol.orthonormal.shape[1]))
+        factor = skin.piezo.zero_ohm_sq / self.skin.piezo.zero_ohm_sq * self._drift(skin)
+        contacts = self._contact_ohm(skin, force_n) / factor[:, None]
+        coarse = self._coarse_change(skin)
+        moved = pad_shifts(skin) - pad_shifts(self.skin)
+        self._settle_regime(skin, force_n)
+        left = self._left_behind(skin, force_n)
+        if coarse is not None:
+            _ = self.sheet_derivatives  # found once, before the threads ask for them
+
+        def one(number: int) -> None:
+            patch = self.patches[number]
+            relative = self._relative_of(number, skin, force_n)
+            extra = self._field_of(number, skin)
+            broad = np.zeros(len(patch.states)) if coarse is None else self.sheet_change(number, coarse)
+            for k, state in enumerate(patch.states):
+                mine = np.flatnonzero(patch.state_of == k)
+                rows = patch.rows[mine]
+                change = ((relative[mine] - state.relative) * extra).astype(np.float32) @ patch.directions
+                scan = state.scan + change @ state.local.T
+                scan += (contacts[rows] - state.contact_ohm) @ state.contact.T
+                scan += broad[k]
+                if left is not None:
+                    scan += left[rows]
+                if moved.any():
+                    scan += np.einsum("plc,lc->p", state.pads, moved)
+                result[rows] = factor[rows, None] * scan
+
+        in_threads(one, range(len(self.patches)))
+        return result
+
+    def _sheet_change(self, skin: Skin, position_m: Array) -> SheetState:
+        """What another skin's effects change of the untouched sheet at positions (N,2)."""
+        return SheetState.of(skin, position_m).beyond(SheetState.of(self.skin, position_m))
+
+    def _coarse_change(self, skin: Skin) -> Array | None:
+        change = self._sheet_change(skin, self.sheet_hats.node_m)
+        return np.vstack([np.expm1(change.log_size), change.stretch.T]) if change.differs else None
+
+    def _local_field(self, skin: Skin, patch: Patch) -> Array:
+        return np.asarray(np.exp(self._sheet_change(skin, patch.grid_m).log_size))
+
+    def _field_of(self, number: int, skin: Skin) -> Array:
+        """``_local_field`` of a patch, remembered for the latest effects on the sheet: most parameters leave it."""
+        key = tuple(e for e in skin.effects if isinstance(e, SheetEffect))
+        if number not in self._latest_field or self._latest_field[number][0] != key:
+            self._latest_field[number] = key, self._local_field(skin, self.patches[number])
+        return self._latest_field[number][1]
+
+    def _relative_of(self, number: int, skin: Skin, force_n: Array) -> Array:
+        """``_relative`` of a patch, remembered for the latest law and memories under the pressures at hand."""
+        law = (skin.piezo.coefficients.tobytes(), skin.piezo.max_stress_pa)
+        key = (*law, tuple(e for e in skin.effects if isinstance(e, PiezoEffect)))
+        if number not in self._latest_relative or self._latest_relative[number][0] != key:
+            self._latest_relative[number] = key, self._relative(skin, force_n, self.patches[number])
+        return self._latest_relative[number][1]
+
+    def _relative(self, skin: Skin, force_n: Array, patch: Patch) -> Array:
+        """(m,G) conductance on the patch's grid over that at rest, for the rows of the patch."""
+        if not len(patch.inside):
+            return np.zeros((len(patch.rows), 0))
+        return self._relative_at(skin, force_n, patch.grid_m, patch.past_of(skin))
+
+    def _relative_at(self, skin: Skin, force_n: Array, position_m: Array, past: Past) -> Array:
+        pressure = self._pressure(skin, force_n, position_m, past.frames)
+        fabric = skin.fabric_ohm_sq(pressure, position_m, self.history.time_s[past.frames], past.own)
+        return np.asarray(skin.piezo.zero_ohm_sq / fabric)
+
+    def _pressure(self, skin: Skin, force_n: Array, position_m: Array, frames: Indices) -> Array:
+        """Pressures (n,N), remembered for the latest pressure field, mechanics and forces."""
+        self._settle_regime(skin, force_n)
+        key = (position_m.tobytes(), frames.tobytes())
+        found = self._pressures.get(key)
+        if found is None:
+            contact = skin.contact_m(self.history.contact_m[frames])
+            found = skin.pressure_pa(position_m, contact, force_n[frames])
+            if len(position_m) < REMEMBERED:
+                self._pressures[key] = found
+        return found
+
+    def _settle_regime(self, skin: Skin, force_n: Array) -> None:
+        """Forget the pressures of another pressure field, mechanics or forces."""
+        placement = tuple(e for e in skin.effects if isinstance(e, PlacementEffect | FoamEffect))
+        regime = (skin.pressure, placement, force_n)
+        if not (self._regime[0] is regime[0] and self._regime[1] == placement and self._regime[2] is force_n):
+            self._regime, self._pressures, self._latest_relative = regime, {}, {}
+
+    def contact_ohm(self, skin: Skin) -> Array:
+        """(n,L) contact resistances in ohm under the forces of the wanted frames."""
+        return self._contact_ohm(skin, self.force_n)
+
+    def _contact_ohm(self, skin: Skin, force_n: Array) -> Array:
+        pads = skin.pad_sample_m
+        on_pads = self._pressure(skin, force_n, pads.reshape(-1, 2), np.arange(len(force_n)))
+        mean_pa = on_pads.reshape(len(force_n), len(pads), -1).mean(axis=2)
+        return skin.contact_resistances_ohm(self.history.time_s, mean_pa)[self.wanted]
+
+    def _drift(self, skin: Skin) -> Array:
+        return skin.drift(self.history.time_s)[self.wanted]

@@ -1,0 +1,136 @@
+"""Places of a recording: frames that share their contacts, what counts as their past, the states solved for them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ertskin.diagnosis.linear.sensitivity import Hats
+from ertskin.physics.skin import Skin
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+ALIKE = 0.05
+"""States whose changes of conductance differ by less than this part share a solution."""
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """One solution: whitened scan (P,) in volt and its derivatives.
+
+    ``local`` (P,R) by the relative conductance in the patch's directions; ``contact`` (P,L) by the contact resistances,
+    volt per ohm; ``pads`` (P,L,2) by their shifts, volt per metre.
+    """
+
+    scan: Array
+    relative: Array
+    contact_ohm: Array
+    local: NDArray[np.float32]
+    contact: Array
+    pads: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Past:
+    """Frames (n,), in recording order, that count for memories at a place, and where among them its own (m,) are."""
+
+    frames: Indices
+    own: Indices
+
+
+@dataclass(frozen=True, eq=False)
+class Patch:
+    """The surroundings of one set of contacts.
+
+    ``rows`` (m,) which of the wanted frames have these contacts; ``past`` what counts for memories there, ``since_air``
+    the same where air clears them; ``grid_m`` (G,2); ``states`` the solutions and ``state_of`` (m,) which one each row
+    uses; ``directions`` (G,R) what of the grid their derivatives see.
+    """
+
+    rows: Indices
+    past: Past
+    since_air: Past
+    hats: Hats
+    inside: Indices
+    states: list[State]
+    state_of: Indices
+    directions: NDArray[np.float32]
+
+    @property
+    def grid_m(self) -> Array:
+        """(G,2) nodes of the grid."""
+        return self.hats.node_m[self.inside]
+
+    def past_of(self, skin: Skin) -> Past:
+        """The frames that a skin's effects remember."""
+        return self.past if any(getattr(e, "remembers_air", False) for e in skin.effects) else self.since_air
+
+
+def main_directions(rows: NDArray[np.float32], rank: int) -> NDArray[np.float32]:
+    """(G,R) orthonormal directions that hold nearly all of rows (n,G): a randomised range finder, one power step.
+
+    After Halko, Martinsson and Tropp, SIAM Review 53 (2011) 217.
+    """
+    width = min(rank, *rows.shape)
+    if width == rows.shape[1]:
+        return np.eye(width, dtype=np.float32)
+    start = np.random.default_rng(0).standard_normal((len(rows), width)).astype(np.float32)
+    found = np.linalg.qr(rows.T @ start)[0]
+    return np.asarray(np.linalg.qr(rows.T @ (rows @ found))[0])
+
+
+def contact_groups(contact_m: Array, force_n: Array) -> list[Indices]:
+    """Frames (in recording order) that share the same contacts."""
+    key = np.where(in_contact(contact_m, force_n)[..., None], np.round(contact_m, 9), np.inf).reshape(
+        len(contact_m), -1
+    )
+    number = np.unique(key, axis=0, return_inverse=True)[1].ravel()
+    return [np.flatnonzero(number == n) for n in range(number.max() + 1)]
+
+
+def in_contact(contact_m: Array, force_n: Array) -> NDArray[np.bool_]:
+    """(T,C) which contacts (T,C,2) press, with forces (T,C) in newton."""
+    return np.asarray(np.isfinite(contact_m).all(axis=-1) & (np.nan_to_num(force_n) > 0))
+
+
+def within(position_m: Array, spots: Array, reach_m: float) -> NDArray[np.bool_]:
+    """(N,) which positions (N,2) lie less than ``reach_m`` from any of the spots (S,2)."""
+    near = np.zeros(len(position_m), dtype=bool)
+    for spot in spots:
+        near |= ((position_m - spot) ** 2).sum(axis=1) < reach_m**2
+    return near
+
+
+def memory_frames(contact_m: Array, force_n: Array, spots: Array, reach_m: float) -> Indices:
+    """Frames in air, and those with a contact so near the spots (S,2) that what it presses overlaps."""
+    close = ~in_contact(contact_m, force_n).any(axis=1)
+    for spot in spots:
+        apart = np.nan_to_num(np.hypot(*np.moveaxis(contact_m - spot, -1, 0)), nan=np.inf)
+        close |= (apart < 2 * reach_m).any(axis=1)
+    return np.flatnonzero(close)
+
+
+def followers(relative: Array, contacts: Array, usual: Array) -> tuple[Indices, list[int]]:
+    """Which leader each row follows (n,), and the rows that lead.
+
+    By ``relative`` (n,G) conductance and ``contacts`` (n,L) in ohm, which are ``usual`` (L,) at rest.
+    """
+    if not relative.shape[1]:
+        return np.zeros(len(relative), dtype=np.intp), [0]
+    change = np.hstack([relative - 1, 0.2 * (contacts / usual - 1)])
+    size = np.sqrt((change**2).sum(axis=1))
+    leaders: list[int] = []
+    state_of = np.zeros(len(relative), dtype=np.intp)
+    for k in range(len(relative)):
+        if leaders:
+            apart = np.sqrt(((change[leaders] - change[k]) ** 2).sum(axis=1))
+            nearest = int(apart.argmin())
+            if apart[nearest] < ALIKE * max(size[k], 1e-6):
+                state_of[k] = nearest
+                continue
+        state_of[k] = len(leaders)
+        leaders.append(k)
+    return state_of, leaders

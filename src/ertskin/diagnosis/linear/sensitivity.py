@@ -1,0 +1,119 @@
+"""What a small change of the sheet or of an electrode's place does to a whitened scan, by the adjoint."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+
+from ertskin.physics.conduction.field_products import gathered_products
+from ertskin.physics.conduction.sheet import SheetModel, Solution
+from ertskin.physics.protocol import Protocol, pair_resistances
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+RIM_RULE = {1: np.array([1, 1]) / 2, 2: np.array([1, 1, 4]) / 6, 3: np.array([1, 1, 3, 3]) / 8}
+"""Newton-Cotes weights of an edge's nodes, the ends first."""
+
+
+class Hats:
+    """Bilinear hat functions on a regular grid: ``node_m`` (G,2) and the spacing."""
+
+    def __init__(self, first_m: Array, last_m: Array, spacing_m: float) -> None:
+        count = np.maximum(np.ceil((last_m - first_m) / spacing_m - 1e-9).astype(int), 1) + 1
+        self.axes = [first_m[k] + (last_m[k] - first_m[k]) * np.linspace(0, 1, count[k]) for k in range(2)]
+        self.node_m = np.stack([np.tile(self.axes[0], count[1]), np.repeat(self.axes[1], count[0])], axis=1)
+
+    def values(self, position_m: Array) -> csr_array:
+        """(G, n) sparse values of the hats at positions (n,2); positions outside the grid belong to no hat."""
+        rows, columns, entries = [], [], []
+        inside = np.ones(len(position_m), dtype=bool)
+        cell, share = [], []
+        for k in range(2):
+            axis = self.axes[k]
+            inside &= (position_m[:, k] >= axis[0] - 1e-12) & (position_m[:, k] <= axis[-1] + 1e-12)
+            index = np.clip(np.searchsorted(axis, position_m[:, k], side="right") - 1, 0, len(axis) - 2)
+            cell.append(index)
+            share.append((position_m[:, k] - axis[index]) / (axis[index + 1] - axis[index]))
+        point = np.flatnonzero(inside)
+        for dx in (0, 1):
+            for dy in (0, 1):
+                weight = (share[0] if dx else 1 - share[0]) * (share[1] if dy else 1 - share[1])
+                rows.append(((cell[1] + dy) * len(self.axes[0]) + cell[0] + dx)[point])
+                columns.append(point)
+                entries.append(weight[point])
+        shape = (len(self.node_m), len(position_m))
+        return csr_array((np.concatenate(entries), (np.concatenate(rows), np.concatenate(columns))), shape=shape)
+
+
+def whitening_of_transfer(protocol: Protocol) -> Array:
+    """(P, L(L+1)/2) whitened coordinates of a change of the transfer matrix given by its lower triangle."""
+    count = protocol.electrodes
+    i, j = np.tril_indices(count)
+    unit = np.zeros((len(i), count, count))
+    unit[np.arange(len(i)), i, j] = 1.0
+    unit[np.arange(len(i)), j, i] = 1.0
+    return protocol.whitened(pair_resistances(unit)).T
+
+
+def sheet_sensitivity(
+    solution: Solution, elements: Indices, hats: csr_array, whitening: Array, tensors: Array, scale: Array
+) -> Array:
+    """(C, P, G) change of the whitened scan in volt for a conductance change hat_g(x) scale(x) A_c, A_c in ``tensors``.
+
+    ``hats`` (G, n) at the elements' quadrature points (n = E*Q), ``scale`` (n,) in siemens, ``tensors`` (C,3) of xx,
+    xy, yy.
+    """
+    model = solution.model
+    current = solution.potential @ solution.transfer_ohm
+    weight = model.weight_m2[elements].ravel() * scale
+    total = -gathered_products(model.space, current, elements, tensors, hats.tocsc(), weight)
+    return np.einsum("pk,cgk->cpg", whitening, total, optimize=True)
+
+
+class PadRims:
+    """The rims of the pads inside the sheet: the shape derivative of a displaced pad lives there."""
+
+    def __init__(self, model: SheetModel) -> None:
+        self.model = model
+        self.pad: list[tuple[int, Indices, Array]] = []
+        for k in range(model.electrodes):
+            inside = np.flatnonzero(model.mesh.pad == k)
+            if len(inside):
+                self.pad.append((k, *self._rim(inside)))
+
+    def _rim(self, inside: Indices) -> tuple[Indices, Array]:
+        """Nodes (n,degree+1) along the rim's edges and the edges' outward normals times their lengths (n,2)."""
+        mesh, space = self.model.mesh, self.model.space
+        corners = mesh.triangle[inside]
+        around = [[0, 1], [1, 2], [2, 0]]
+        side = corners[:, around].reshape(-1, 2)
+        code = np.sort(side, axis=1) @ np.array([1 << 31, 1])
+        _, first, count = np.unique(code, return_index=True, return_counts=True)
+        rim = side[first[count == 1]]
+        along = mesh.point_m[rim[:, 1]] - mesh.point_m[rim[:, 0]]
+        return space.edge_nodes(rim), np.stack([along[:, 1], -along[:, 0]], axis=1)
+
+    def sensitivity(self, solution: Solution, protocol: Protocol) -> Array:
+        """(P, L, 2) change of the whitened scan in volt per metre by which a pad is shifted along x and y.
+
+        The pad's contact form 1/z int (u - U)(v - V) changes by its integrand along the rim times the normal shift.
+        """
+        rule = RIM_RULE[self.model.space.degree]
+        result = np.zeros((protocol.orthonormal.shape[1], self.model.electrodes, 2))
+        for k, nodes, outward in self.pad:
+            drop = solution.potential[nodes].copy()
+            drop[..., k] -= 1.0
+            per_size = 1.0 / (solution.contact_resistance_ohm[k] * self.model.electrode_size[k])
+            for axis in range(2):
+                weighted = drop * (per_size * outward[:, axis, None] * rule)[..., None]
+                form = np.einsum("eni,enj->ij", weighted, drop, optimize=True)
+                change = -solution.transfer_ohm @ form @ solution.transfer_ohm
+                result[:, k, axis] = protocol.whitened(pair_resistances(change))
+        return result
+
+
+def model_elements(model: SheetModel, near: NDArray[np.bool_]) -> Indices:
+    """Elements with a quadrature point where ``near`` (E*Q,) holds."""
+    return np.flatnonzero(near.reshape(model.weight_m2.shape).any(axis=1))

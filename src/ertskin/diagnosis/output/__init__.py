@@ -1,0 +1,1 @@
+"""A diagnosis on the terminal, on disk and as a page."""

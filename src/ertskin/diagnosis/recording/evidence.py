@@ -1,0 +1,326 @@
+"""What a recording says, reduced for diagnosis: whitened scans, what no resistor network explains, forces, noise."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ertskin.diagnosis.recording.repeating_channels import repeating
+from ertskin.hardware.recording import Recording
+from ertskin.physics.history import History, Phase
+from ertskin.physics.protocol import Protocol
+from ertskin.physics.sensor import Sensor
+from ertskin.physics.spikes import despiked, robust_std, tells_all
+
+Array = NDArray[np.float64]
+
+
+STANDING = 0.01
+"""Part of a channel's readings, taken for spikes, from which they are none."""
+TOP = 3e-3
+"""Part of the readings among which a converter that bends is looked for."""
+HIGHEST = 50
+"""Values at the top of the readings from which an undeclared converter's step is taken."""
+LEAST_ODD = 1e-3
+"""Part of a frame's readings, taken for spikes beyond the usual, from which the frame is odd."""
+LEAST_SIGNAL = 5.0
+"""Times the noise that the resting scan's numbers must have."""
+FEWEST_RESTS = 4
+LEAST_FREEDOM = 0.05
+"""Readings that a network follows more closely than this say nothing about the noise."""
+
+
+class CannotTell(Exception):
+    """The recording can't answer the question; the message says why."""
+
+
+@dataclass(frozen=True, eq=False)
+class Evidence:
+    """T frames reduced.
+
+    ``scan_v`` (T,P) whitened scans, spikes left out; ``leftover_v`` (T,K,M) what no resistor network gives, zero at
+    spikes; ``leftover_noise_v`` noise of a reading by what no network explains,
+    ``noise_v`` the same of a whitened scan's numbers: equal unless the noise is coloured; ``air_n`` of the load cell;
+    ``leftover_share`` part of white noise's variance that no network explains, over the readings there are.
+    ``repeats`` (M,) number of frames in which a channel repeats its last readings, which are left out there.
+    ``stray`` (P,k): directions, one standard deviation long in units of the noise, in which rest frames scatter more;
+    ``traces`` (T,P,m): orthonormal directions, or noughts, that say nothing: places pressed before and not recovered.
+    """
+
+    sensor: Sensor
+    protocol: Protocol
+    history: History
+    scan_v: Array
+    leftover_v: NDArray[np.float32]
+    noise_v: float
+    leftover_noise_v: float
+    air_n: float
+    saturated_v: float | None
+    stray: Array
+    traces: Array
+    leftover_share: float
+    repeats: NDArray[np.intp]
+
+    def frames(self, rows: NDArray[np.intp]) -> Evidence:
+        """The evidence of some frames."""
+        return replace(
+            self,
+            history=self.history[rows],
+            scan_v=self.scan_v[rows],
+            leftover_v=self.leftover_v[rows],
+            traces=self.traces[rows],
+        )
+
+    def discounted(self, rows: Array) -> Array:
+        """Rows (T,P,...) in units of the noise without ``traces``, times (I + S S')^-1/2, S being ``stray``."""
+        if self.traces.shape[2]:
+            along = np.einsum("tp...,tpm->tm...", rows, self.traces)
+            rows = rows - np.einsum("tm...,tpm->tp...", along, self.traces)
+        if not self.stray.shape[1]:
+            return rows
+        axes, size, _ = np.linalg.svd(self.stray, full_matrices=False)
+        less = 1 - 1 / np.sqrt(1 + size**2)
+        along = np.einsum("tp...,pk->tk...", rows, axes * less)
+        return np.asarray(rows - np.einsum("tk...,pk->tp...", along, axes))
+
+    @property
+    def told_more(self) -> Array:
+        """(T,) root of a scan's numbers over those that ``traces`` leave."""
+        width = self.scan_v.shape[1]
+        return np.sqrt(width / (width - self.traces.any(axis=1).sum(axis=1)))
+
+    @property
+    def leftover_ratio(self) -> float:
+        """Rms over noise of what no network explains."""
+        seen = self.leftover_v[self.leftover_v != 0]
+        noise_v = np.sqrt(self.leftover_share) * self.leftover_noise_v
+        return float(np.sqrt(np.mean(np.square(seen, dtype=float)))) / noise_v if seen.size else 0.0
+
+    @property
+    def rest(self) -> NDArray[np.bool_]:
+        """(T,) frames in which nothing touches."""
+        return np.asarray(self.history.phase == Phase.REST)
+
+
+def gather(recording: Recording) -> Evidence:
+    """Reduce a recording; raises ``CannotTell`` where it lacks what any answer needs."""
+    history, protocol, sensor, voltage = _complete(recording)
+    rest = np.asarray(history.phase == Phase.REST)
+    # An electrode read against itself gives nought in every scan.
+    repeats = repeating(np.where(protocol.measurement.any(axis=-1), voltage, np.nan))
+    voltage[np.broadcast_to(repeats[:, None], voltage.shape)] = np.nan
+    limit = _without_saturated(voltage, protocol)
+    told = _told(protocol, np.isnan(voltage))
+    if not told[rest].any():
+        raise CannotTell(_what_is_lost(protocol, voltage[rest]))
+    scan, spike, bent = _scans(protocol, voltage, rest, limit is not None)
+    if limit is None and bent:
+        limit = float(np.nanmax(voltage))
+    fitted = (scan @ protocol.orthonormal.T).reshape(voltage.shape)
+    leftover = np.where(spike | ~np.isfinite(voltage), 0.0, voltage - fitted)
+    freedom = _freedom(protocol, np.isfinite(voltage).mean(axis=0) > 0.5)
+    noise_v = _noise_v(protocol, scan, leftover / np.sqrt(np.maximum(freedom, LEAST_FREEDOM)), spike, rest)
+    scan[~told | (spike[:, protocol.taken].mean(axis=1) >= 0.5)] = np.nan
+    resting = np.nanmean(scan[rest], axis=0)
+    if not np.sqrt((resting**2).mean()) > LEAST_SIGNAL * noise_v:
+        raise CannotTell("the readings at rest are hardly more than noise: check wiring, injected currents and units")
+    force = history.force_n[rest]
+    quantised_v = max(noise_v, (protocol.adc_volts_per_count or 0.0) / np.sqrt(12))
+    return Evidence(
+        sensor,
+        protocol,
+        history,
+        scan,
+        leftover.astype(np.float32),
+        quantised_v,
+        quantised_v,
+        float(np.nanstd(force)) if np.isfinite(force).sum() > 3 else float("nan"),
+        limit,
+        np.zeros((scan.shape[1], 0)),
+        np.zeros((*scan.shape, 0)),
+        float(freedom[freedom > LEAST_FREEDOM].mean()) if (freedom > LEAST_FREEDOM).any() else 1.0,
+        repeats.sum(axis=0),
+    )
+
+
+def _complete(recording: Recording) -> tuple[History, Protocol, Sensor, Array]:
+    """The parts that no answer goes without, and a copy of the readings; ``CannotTell`` where one is lacking."""
+    if recording.frames is None or recording.sensor is None or recording.protocol is None:
+        raise CannotTell("no frames with a sensor and a protocol: nothing to compare a skin's simulator with")
+    history, protocol = recording.frames.history, recording.protocol
+    if not len(history):
+        raise CannotTell("no frames: the recording ended before its first scan")
+    if not history.contact_m.shape[1]:
+        raise CannotTell("frames name no contacts: where the skin was pressed is unknown")
+    voltage = np.array(recording.frames.voltage_v, dtype=float)
+    if not np.isfinite(voltage).any():
+        raise CannotTell("no reading is a number")
+    rest = history.phase == Phase.REST
+    if not rest.any():
+        raise CannotTell("no rest frames: neither the noise nor the unloaded skin is known")
+    whole = np.isfinite(voltage)[:, protocol.taken].mean(axis=1) > 0.5
+    if not whole[rest].any():
+        raise CannotTell("every rest frame is damaged")
+    # Drifts count from the first frame, whatever clock the recording keeps.
+    return replace(history, time_s=history.time_s - history.time_s[0]), protocol, recording.sensor, voltage
+
+
+def _without_saturated(voltage: Array, protocol: Protocol) -> float | None:
+    """The converter's limit in volt, if readings (T,K,M) pile up there; those are taken out of them."""
+    limit = _saturation(voltage, protocol)
+    if limit is not None:
+        pinned = np.abs(voltage - limit) < 1e-9 + 2 * (protocol.adc_volts_per_count or 0.0)
+        if pinned.mean() > 0.5:
+            raise CannotTell(f"{pinned.mean():.0%} of the readings sit at {limit:.4g} V: the converter is saturated")
+        voltage[pinned] = np.nan
+    return limit
+
+
+def _what_is_lost(protocol: Protocol, resting_v: Array) -> str:
+    """Why readings at rest (R,K,M) tell too little."""
+    lost = np.isnan(resting_v) & protocol.measurement.any(axis=-1)
+    worst = int(lost.sum(axis=(0, 1)).argmax())
+    return (
+        f"the {lost.mean():.0%} of the readings at rest that are missing, repeated or at the converter's limit"
+        f" leave pair resistances untold; most of them are channel {worst}'s"
+    )
+
+
+def _scans(
+    protocol: Protocol, voltage: Array, rest: NDArray[np.bool_], saturated: bool
+) -> tuple[Array, NDArray[np.bool_], bool]:
+    """Scans (T,P), spikes among the readings (T,K,M), and whether the converter bends at the top of its range."""
+    scan, spike = despiked(protocol, voltage)
+    scan, spike = _channels_restored(protocol, voltage, scan, spike)
+    fitted = (scan @ protocol.orthonormal.T).reshape(voltage.shape)
+    bent = _bent_at_top(voltage, fitted, spike)
+    straight: Array | None = voltage
+    if bent or saturated:
+        bent_v = _bent_from(fitted[rest][:, protocol.taken], spike[rest][:, protocol.taken])
+        straight = np.where(fitted < bent_v, voltage, np.nan) if np.isfinite(bent_v) else None
+    if straight is not None:
+        scan, spike = _presses_restored(protocol, straight, scan, spike, rest)
+    return scan, spike, bent
+
+
+def _noise_v(
+    protocol: Protocol, scan: Array, leftover: Array, spike: NDArray[np.bool_], rest: NDArray[np.bool_]
+) -> float:
+    """Noise of a reading; raises ``CannotTell`` where there is none."""
+    if protocol.count > scan.shape[1]:
+        noise_v = _leftover_noise_v(leftover, spike, rest)
+    else:
+        # No reading is taken twice: any scan is explained, and the noise is how scans differ at rest.
+        noise_v = float(robust_std(np.diff(scan[rest], axis=0))) / np.sqrt(2) if rest.sum() > 1 else 0.0
+    if not noise_v > 0:
+        raise CannotTell("the readings don't vary: no noise to measure a misfit against")
+    return noise_v
+
+
+def _told(protocol: Protocol, missing: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """(T,) whether the readings that aren't ``missing`` (T,K,M) tell all that the scan can tell.
+
+    An electrode that is never the sink, say, is known by its own channel alone, where it is the source.
+    """
+    patterns, of = np.unique(missing.reshape(len(missing), -1), axis=0, return_inverse=True)
+    held = np.array([tells_all(protocol.orthonormal, pattern) for pattern in patterns])
+    return held[of.ravel()]
+
+
+def _freedom(protocol: Protocol, there: NDArray[np.bool_]) -> Array:
+    """(K,M) part of a reading's noise variance that a network's fit leaves, where only some readings are ``there``.
+
+    A dead channel leaves some pairs to few readings, which the fit then follows closely.
+    """
+    kept = protocol.orthonormal[there.ravel()]
+    inverse = np.linalg.pinv(kept.T @ kept, rcond=1e-9, hermitian=True)
+    freedom = np.zeros(there.size)
+    freedom[there.ravel()] = 1 - ((kept @ inverse) * kept).sum(axis=1)
+    return freedom.reshape(there.shape)
+
+
+def _channels_restored(
+    protocol: Protocol, voltage: Array, scan: Array, spike: NDArray[np.bool_]
+) -> tuple[Array, NDArray[np.bool_]]:
+    """Scans and spikes with whole channels put back that despiking took for spikes: an error of theirs stands."""
+    there = np.isfinite(voltage)
+    share = (spike & there).mean(axis=(0, 1))
+    standing = (share > STANDING) & (share > 10 * np.median(share))
+    if not standing.any():
+        return scan, spike
+    kept = spike.copy()
+    kept[..., standing] = ~there[..., standing]
+    fitted = (scan @ protocol.orthonormal.T).reshape(voltage.shape)
+    filled = np.where(kept | ~there, fitted, voltage)
+    return filled.reshape(len(filled), -1) @ protocol.orthonormal, kept
+
+
+def _presses_restored(
+    protocol: Protocol, voltage: Array, scan: Array, spike: NDArray[np.bool_], rest: NDArray[np.bool_]
+) -> tuple[Array, NDArray[np.bool_]]:
+    """Scans and spikes with whole frames put back that despiking thinned out though only presses have such spikes.
+
+    Spikes don't wait for a press; a press that moves during its scan leaves readings that no one network gives. What a
+    converter bends isn't among ``voltage``.
+    """
+    there = np.isfinite(voltage)
+    rate = (spike & there).mean(axis=(1, 2))
+    usual = float(rate[rest].mean())
+    odd = rate > usual + 5 * np.sqrt(usual / spike[0].size) + LEAST_ODD
+    if rest.all() or odd[~rest].mean() < STANDING or odd[rest].mean() > 0.25 * odd[~rest].mean():
+        return scan, spike
+    scan, spike = scan.copy(), spike.copy()
+    scan[odd], spike[odd] = despiked(protocol, voltage[odd], threshold=np.inf)
+    return scan, spike
+
+
+def _bent_from(fitted: Array, spike: NDArray[np.bool_]) -> float:
+    """Voltage from which on a converter bends at rest: there more readings are taken for spikes than below."""
+    order = np.argsort(fitted, axis=None)[::-1]
+    odd = spike.ravel()[order]
+    # Counted down from the top, the readings that are bent more often than not.
+    excess = np.cumsum(np.where(odd, 1, -1))
+    return float(fitted.ravel()[order[excess.argmax()]]) if excess.max() > 0 else np.inf
+
+
+def _bent_at_top(voltage: Array, fitted: Array, spike: NDArray[np.bool_]) -> bool:
+    """Whether the largest readings fall short of what the others say they should be, and only those.
+
+    All of them: a channel whose gain is too low falls short where its readings are large, and others don't.
+    """
+    known = np.isfinite(fitted) & np.isfinite(voltage)
+    top = known & (fitted > np.quantile(fitted[known], 1 - TOP))
+    share = float(spike[top].mean())
+    if share < STANDING or share < 20 * float(spike.mean()):
+        return False
+    as_large = top & (fitted >= np.median(fitted[top & spike]))
+    if spike[as_large].mean() < 0.5:
+        return False
+    return bool((voltage < fitted)[top & spike].mean() > 0.9)
+
+
+def _leftover_noise_v(leftover: Array, spike: NDArray[np.bool_], rest: NDArray[np.bool_]) -> float:
+    """Noise of what no network explains, from how it changes between rest frames: a standing error is no noise."""
+    if rest.sum() < FEWEST_RESTS:
+        return float(robust_std(leftover[~spike]))
+    change = np.diff(leftover[rest], axis=0)
+    clean = ~(spike[rest][1:] | spike[rest][:-1])
+    return float(robust_std(change[clean])) / np.sqrt(2)
+
+
+def _step_at_top(finite_v: Array) -> float:
+    """The smallest difference of the largest values there are: the converter's step, where it is a coarse one."""
+    top = np.unique(finite_v)[-HIGHEST:]
+    return max(float(np.diff(top).min()), 1e-9) if len(top) > 1 else 1e-9
+
+
+def _saturation(voltage_v: Array, protocol: Protocol) -> float | None:
+    """The value at which readings pile up at the top of their range, if they do."""
+    finite = voltage_v[np.isfinite(voltage_v)]
+    top = float(finite.max())
+    step = protocol.adc_volts_per_count or _step_at_top(finite)
+    piled = int((finite > top - 0.5 * step).sum())
+    below = int(((finite <= top - 0.5 * step) & (finite > top - 50 * step)).sum())
+    return top if piled > 20 and piled > 3 * max(below, 1) else None

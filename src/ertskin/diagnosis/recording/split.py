@@ -1,0 +1,52 @@
+"""Which frames are fitted, which are kept for the proof: whole presses, so that no fit has seen any of theirs."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ertskin.diagnosis.recording.evidence import CannotTell, Evidence
+from ertskin.physics.history import History
+
+Indices = NDArray[np.intp]
+
+SPLIT = "whole presses, one drawn of any three on end"
+SPLIT_SEED = 0
+MOST_FRAMES = 900
+"""Frames fitted: more make parameters hardly surer, for what a form leaves is the same in neighbouring frames."""
+
+
+def fitted_and_held(evidence: Evidence) -> tuple[Indices, Indices]:
+    """Frames fitted, at most about ``MOST_FRAMES``, and frames held out: of any three presses on end, one at random.
+
+    Held out are frames with a press in them: those in air all had their part in the calibration at rest.
+    Every third press would be whole columns of a grid, and often its edge: places that no fit has seen at all.
+    Raises ``CannotTell`` where there are fewer than three presses.
+    """
+    usable = np.isfinite(evidence.scan_v).all(axis=1) & _placed(evidence)
+    history = evidence.history
+    touched = history.touched.any(axis=1)
+    touching = np.unique(history.press[touched & usable])
+    if len(touching) < 3:
+        raise CannotTell(f"{len(touching)} press{'es' if len(touching) != 1 else ''}: nothing is left to predict")
+    draw = np.random.default_rng(SPLIT_SEED).integers(0, 3, size=len(touching) // 3)
+    out = np.isin(history.press, touching[3 * np.arange(len(draw)) + draw])
+    return thinned(history, np.flatnonzero(usable & ~out), MOST_FRAMES), np.flatnonzero(usable & out & touched)
+
+
+def _placed(evidence: Evidence) -> NDArray[np.bool_]:
+    """(T,) frames whose contacts are known, with a force or a depth for each; rest frames among them."""
+    history = evidence.history
+    known = np.asarray(np.isfinite(history.contact_m).all(axis=-1))
+    driven = np.isfinite(history.force_n) | np.isfinite(history.depth_m) | ~history.touched
+    return np.asarray((known.any(axis=1) & driven.all(axis=1)) | evidence.rest)
+
+
+def thinned(history: History, rows: Indices, most: int) -> Indices:
+    """At most about ``most`` of the rows, the first and last of every stroke and hold among them."""
+    if len(rows) <= most:
+        return rows
+    phase, press = history.phase[rows], history.press[rows]
+    new = np.flatnonzero((np.diff(phase.astype(int)) != 0) | (np.diff(press) != 0))
+    kept = np.union1d(np.concatenate([new, new + 1]), np.linspace(0, len(rows) - 1, most).astype(int))
+    return rows[kept]

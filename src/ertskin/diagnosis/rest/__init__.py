@@ -1,0 +1,1 @@
+"""What the frames at rest say, and the calibrated skin that every search starts from."""

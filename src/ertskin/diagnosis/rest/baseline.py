@@ -1,0 +1,128 @@
+"""The simulator as calibration leaves it: support, law, pad, resting contacts; where every diagnosis starts."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ertskin.diagnosis.force.fit import ForceData, ForceFit, select_force_effects
+from ertskin.diagnosis.force.noise import ForceNoise, force_noise
+from ertskin.diagnosis.recording.evidence import CannotTell, Evidence
+from ertskin.diagnosis.rest.displaced_pad import displaced_pad
+from ertskin.diagnosis.rest.rest_frames import Noise, rested
+from ertskin.diagnosis.specimen.fit import SpecimenFinding, SpecimenTest, specimen_findings
+from ertskin.diagnosis.specimen.signal import SpecimenSignal
+from ertskin.hardware.recording import Recording
+from ertskin.physics.calibration.indenter_support import indenter_support
+from ertskin.physics.calibration.specimen import fit_specimen
+from ertskin.physics.effects.effect import ElectrodeEffect
+from ertskin.physics.skin import Skin
+
+Array = NDArray[np.float64]
+
+FORCE_SIGNIFICANT = 10.0
+
+
+@dataclass(frozen=True, eq=False)
+class Baseline:
+    """``skin`` calibrated at rest, the force stage without and with its effects, forces (T,C) that drive it.
+
+    ``displaced`` a pad that can't be where it should; ``noise`` of whitened scans; ``traces`` (T,P,m) for the evidence.
+    """
+
+    skin: Skin
+    force_plain: ForceFit | None
+    force_best: ForceFit | None
+    force_noise: ForceNoise
+    force_n: Array
+    specimen: SpecimenSignal
+    specimen_findings: tuple[SpecimenFinding, ...]
+    displaced: ElectrodeEffect | None
+    noise: Noise
+    traces: Array
+
+    @property
+    def plain_force_n(self) -> Array:
+        """(T,C) forces in newton as the plain simulator has them from depth, where the load cell shows effects."""
+        if self.force_plain is None or self.force_best is None or not self.force_best.effects:
+            return self.force_n
+        plain = self.force_plain.force_n
+        return np.where(np.isfinite(plain) & (self.force_n > 0), plain, self.force_n)
+
+
+def calibrated(recording: Recording, evidence: Evidence, resolution: str = "fine") -> Baseline:
+    """Raises ``CannotTell`` where the recording lacks what the simulator needs."""
+    if recording.specimen is None:
+        raise CannotTell("no specimen test: the fabric's law, and so the simulator, is unknown")
+    if not evidence.sensor.layers:
+        raise CannotTell("the sensor names no layers: the pressure under a contact is unknown")
+    specimen = recording.specimen
+    try:
+        law = fit_specimen(specimen.stress_pa, specimen.sheet_resistance_ohm_sq, specimen.time_s, specimen.cycle)
+    except ValueError as error:
+        raise CannotTell(f"the specimen test can't be used: {error}") from None
+    support, share = np.inf, 1e-3
+    scatter = float("nan")
+    if recording.rigid_block is not None:
+        try:
+            found = indenter_support(recording.rigid_block.depth_m, recording.rigid_block.force_n)
+        except ValueError as error:
+            raise CannotTell(f"the rigid block's curve can't be used: {error}") from None
+        support, scatter = found.stiffness_n_per_m, found.force_noise_n
+        share = max(found.standard_error_n_per_m / found.stiffness_n_per_m, 1e-5)
+    noise = force_noise(evidence, scatter)
+    plain, best = _force_stage(evidence, support, share, noise.rms_n)
+    contacts = np.full(evidence.protocol.electrodes, max(evidence.sensor.contact_resistance_guess_ohm, 10.0))
+    skin = Skin.build(evidence.sensor, evidence.protocol, law.law, contacts, support, (), resolution)
+    at_rest = rested(skin, evidence)
+    skin = at_rest.skin
+    displaced = displaced_pad(skin, at_rest.scan_v, at_rest.scan_noise_v, at_rest.misfit, resolution)
+    skin = replace(skin, effects=at_rest.drift)
+    if best is not None:
+        skin = replace(skin, pad_n_per_m=best.pad_n_per_m, effects=(*best.effects, *at_rest.drift))
+    force = _driving_force(evidence, best)
+    signal = SpecimenSignal.of(specimen, law.noise_fraction)
+    findings, scatter = specimen_findings(SpecimenTest(signal.stress_pa, signal.resistance_ohm_sq, signal.time_s))
+    signal = replace(signal, noise_fraction=scatter, effects=tuple(finding.effect for finding in findings))
+    return Baseline(
+        skin=skin,
+        force_plain=plain,
+        force_best=best,
+        force_noise=noise,
+        force_n=force,
+        specimen=signal,
+        specimen_findings=tuple(findings),
+        displaced=displaced,
+        noise=at_rest.noise,
+        traces=at_rest.traces,
+    )
+
+
+def _force_stage(
+    evidence: Evidence, support: float, error: float, noise_n: float
+) -> tuple[ForceFit | None, ForceFit | None]:
+    foam_m = evidence.sensor.layers[0].thickness_m
+    stiff = support if np.isfinite(support) else 1e9
+    data = ForceData(evidence.history, noise_n, stiff, error, foam_m)
+    if data.used.sum() < 20:
+        return None, None
+    folds = np.unique(evidence.history.press, return_inverse=True)[1] % 3
+    plain, best = select_force_effects(data, folds, FORCE_SIGNIFICANT)
+    return plain, best
+
+
+def _driving_force(evidence: Evidence, best: ForceFit | None) -> Array:
+    """Forces that drive the skin: the force stage's where it fits to the noise, else the load cell's."""
+    history = evidence.history
+    measured = np.where(history.touched, history.force_n, 0.0)
+    if best is None:
+        if not np.isfinite(history.force_n[history.touched]).any():
+            raise CannotTell("neither forces nor a force-depth curve: the simulator can't be driven")
+        return np.nan_to_num(measured)
+    count = int(np.isfinite(best.residual).sum())
+    fits = np.sqrt(best.chi_square / max(count, 1)) < 1.1
+    predicted = np.where(history.touched, best.force_n, 0.0)
+    better = np.isfinite(predicted) & (fits | ~np.isfinite(measured))
+    return np.nan_to_num(np.where(better, predicted, measured))

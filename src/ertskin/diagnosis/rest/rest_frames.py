@@ -1,0 +1,362 @@
+"""What the frames at rest say: contact and sheet resistances, the noise, and which contacts wander."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+
+from ertskin.diagnosis.linear.sensitivity import sheet_sensitivity, whitening_of_transfer
+from ertskin.diagnosis.recording.evidence import Evidence
+from ertskin.physics.effects.effect import Effect
+from ertskin.physics.effects.hypothesis import Measured
+from ertskin.physics.effects.registry import measured_as
+from ertskin.physics.history import History
+from ertskin.physics.skin import TAIL, Skin
+
+Array = NDArray[np.float64]
+
+ROUNDS = 30
+ENOUGH_RESTS = 5
+REMEMBERED = 3
+"""Places, pressed before a rest frame, that may not have recovered yet."""
+RESTLESS = 2.0
+"""Scatter of a resting contact, in standard errors, from which it moves."""
+LEFT, ALONE = 0.2, 0.3
+"""Parts of what changes between rest frames: left by all restless contacts, explained by one."""
+COLOURED = 0.05
+"""Excess of the rest frames' scatter over the readings' noise that is taken for coloured noise."""
+
+JITTER, ALONG = 1.03, 0.8
+"""Misfit over noise that a jittering contact must make, and the cosine between what is seen and what it would do."""
+STANDS_OUT = 3.0
+"""Times the median share of its resistance by which a contact jitters if it is the one that is loose."""
+TWO_SIGMA = 2.0
+"""Standard deviations of von Neumann's ratio below that of white noise, from which a contact drifts."""
+SURELY = 5.0
+"""Standard deviations of chance above which places are taken not to have recovered."""
+CHANCES, RARELY = 400, 0.01
+"""Simulated recordings of white noise, and how rarely one of them may be taken for more."""
+
+
+@dataclass(frozen=True, eq=False)
+class Rested:
+    """``skin`` calibrated to the mean resting scan ``scan_v`` (P,) with noise ``scan_noise_v``, which left ``misfit``.
+
+    ``drift`` contacts that wander; ``noise`` of whitened scans; ``traces`` (T,P,m) what the evidence leaves out.
+    """
+
+    skin: Skin
+    scan_v: Array
+    scan_noise_v: float
+    misfit: float
+    drift: tuple[Effect, ...]
+    noise: Noise
+    traces: Array
+
+
+def rested(skin: Skin, evidence: Evidence) -> Rested:
+    """What the frames at rest say of a skin."""
+    good = evidence.rest & np.isfinite(evidence.scan_v).all(axis=1)
+    scans = evidence.scan_v[good]
+    first, columns, _ = fitted_at_rest(skin, scans.mean(axis=0))
+    every = imprints(first, evidence.history)
+    traces = _needed(every[good], scans - scans.mean(axis=0), columns, evidence.noise_v)
+    mean = _undisturbed_mean(scans, columns, traces)
+    skin, columns, scan = fitted_at_rest(first, mean)
+    mean_noise_v = float(evidence.noise_v / np.sqrt(len(scans)))
+    misfit = float(np.sqrt(np.mean(((mean - scan) / mean_noise_v) ** 2)))
+    clean = scans - _shares(scans - mean, columns, traces)[1]
+    time_s, contacts = evidence.history.time_s[good], skin.contact_resistance_ohm
+    run = np.cumsum(~evidence.rest, dtype=np.intp)[good]
+    drift = _contact_drift(scans - mean, time_s, run, evidence.noise_v, columns, traces, contacts)
+    noise = _scatter(clean, run, columns, evidence.noise_v)
+    return Rested(skin, mean, mean_noise_v, misfit, drift, noise, every[..., : traces.shape[2]])
+
+
+def fitted_at_rest(skin: Skin, mean: Array) -> tuple[Skin, Array, Array]:
+    """Contact and sheet resistances by Gauss-Newton in logarithms from a resting scan (P,).
+
+    The skin with them, the scan's derivatives (P,L+1) by the logarithms, the sheet's last, and its own scan (P,).
+    """
+    protocol = skin.protocol
+    contacts, zero = np.array(skin.contact_resistance_ohm), skin.piezo.zero_ohm_sq
+    for _ in range(ROUNDS):
+        solution = skin.sheet.solve(skin.sheet.uniform(zero), contacts)
+        slope = protocol.whitened(solution.jacobian_contact_resistance().T).T
+        scan = protocol.whitened(solution.pair_resistance_ohm)
+        columns = np.column_stack([slope * contacts, scan - slope @ contacts])
+        step = np.linalg.lstsq(columns, mean - scan, rcond=None)[0]
+        contacts = np.clip(contacts * np.exp(np.clip(step[:-1], -1.5, 1.5)), 0.1, 1e7)
+        zero = zero * float(np.exp(np.clip(step[-1], -0.3, 0.3)))
+        if np.abs(step).max() < 1e-6:
+            break
+    return replace(skin, piezo=skin.piezo.scaled(zero), contact_resistance_ohm=contacts), columns, scan
+
+
+# places that have not recovered ----------------------------------------------------------------------------------
+
+
+def imprints(skin: Skin, history: History) -> Array:
+    """(T,P,REMEMBERED) orthonormal, or noughts: what places pressed last before a frame change, not yet recovered.
+
+    A place that creeps changes the readings of the electrodes next to it much as their contacts would. The place
+    pressed in the frame itself isn't among them: what it does is the skin's to explain.
+    """
+    places, at = _places(history)
+    found = np.zeros((len(at), skin.protocol.orthonormal.shape[1], REMEMBERED))
+    if not len(places):
+        return found
+    points = skin.sheet.quadrature_m.reshape(-1, 2)
+    reach = skin.pressure.radius_m(TAIL)
+    pressed = np.zeros((len(places), len(points)))
+    for k, place in enumerate(places):
+        near = np.flatnonzero(((points - place) ** 2).sum(axis=1) < reach**2)
+        pressed[k, near] = skin.pressure.at(points[near] - place)
+    elements = np.arange(len(skin.sheet.weight_m2))
+    scale = np.full(len(points), 1.0 / skin.piezo.zero_ohm_sq)
+    whitening, plain = whitening_of_transfer(skin.protocol), np.array([[1.0, 0.0, 1.0]])
+    solution = skin.sheet.solve(skin.sheet.uniform(skin.piezo.zero_ohm_sq), skin.contact_resistance_ohm)
+    columns = sheet_sensitivity(solution, elements, csr_array(pressed), whitening, plain, scale)[0]
+    latest: list[int] = []
+    for t, place in enumerate(at):
+        before = [p for p in latest if p != place][:REMEMBERED]
+        found[t, :, : len(before)] = np.linalg.qr(columns[:, before])[0]
+        if place >= 0:
+            latest = [int(place), *(p for p in latest if p != place)][: REMEMBERED + 1]
+    return found
+
+
+def _places(history: History) -> tuple[Array, NDArray[np.intp]]:
+    """Places pressed (K,2), and which one in each frame (T,), -1 for none; of several contacts the first."""
+    place = history.contact_m[:, 0]
+    touched = history.touched[:, 0] & np.isfinite(place).all(axis=1)
+    at = np.full(len(place), -1, dtype=np.intp)
+    places, at[touched] = np.unique(np.round(place[touched], 4), axis=0, return_inverse=True)
+    return places, at
+
+
+def _needed(traces: Array, change: Array, columns: Array, noise_v: float) -> Array:
+    """The traces (R,P,m), or (R,P,0) where they explain no more of the changes (R,P) than chance would."""
+    none = traces[..., :0]
+    left = [float(((change - sum(_shares(change, columns, t))) ** 2).sum()) / noise_v**2 for t in (none, traces)]
+    freedom = int(traces.any(axis=1).sum())
+    return traces if left[0] - left[1] > freedom + SURELY * np.sqrt(2 * max(freedom, 1)) else none
+
+
+def _undisturbed_mean(scans: Array, columns: Array, traces: Array) -> Array:
+    """(P,) mean of the rest frames (R,P), each counted in the directions its ``traces`` leave alone.
+
+    What contacts and the whole sheet do from frame to frame is levelled first: no two directions then mean other times.
+    """
+    moved = _shares(scans - scans.mean(axis=0), columns, traces)[0]
+    level = scans - (moved - moved.mean(axis=0))
+    free = [np.eye(scans.shape[1]) - trace @ trace.T for trace in traces]
+    total = np.einsum("rpq,rq->p", free, level, optimize=True)
+    return np.asarray(np.linalg.lstsq(np.sum(free, axis=0), total, rcond=1e-6)[0])
+
+
+def _shares(change: Array, columns: Array, traces: Array) -> tuple[Array, Array]:
+    """(R,P), (R,P) parts of the changes (R,P) that contacts and sheet explain, and places not yet recovered."""
+    own, place = np.zeros_like(change), np.zeros_like(change)
+    for row, trace in enumerate(traces):
+        both = np.linalg.lstsq(np.hstack([columns, trace]), change[row], rcond=None)[0]
+        own[row], place[row] = columns @ both[: columns.shape[1]], trace @ both[columns.shape[1] :]
+    return own, place
+
+
+# noise -----------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class Noise:
+    """``rms_v`` of a whitened scan's numbers, its standard error over itself, nought where thousands of readings tell
+    it, and ``stray`` (P,k), the directions in which rest frames scatter more than that.
+
+    ``jittering`` electrode whose contact alone makes white noise scatter materially more; -1 if there is none.
+    """
+
+    rms_v: float
+    error: float
+    stray: Array
+    jittering: int = -1
+
+
+def _scatter(scans: Array, run: NDArray[np.intp], columns: Array, reading_v: float) -> Noise:
+    """The noise of rest frames (R,P), of which ``run`` (R,) numbers the runs between presses.
+
+    From second differences of the rest frames, in which a steady drift is nothing. Coloured noise weighs more in the
+    scans than in what no network explains; contacts that jitter do so along their ``columns`` (P,n), from frame to
+    frame or from run to run. The median over the frames lets a few odd ones pass, and white noise within its own
+    scatter leaves the reading's noise as it is.
+    """
+    count, width = scans.shape
+    space = np.linalg.qr(columns)[0]
+    freedom = width - space.shape[1]
+    if count < ENOUGH_RESTS or freedom <= 0:
+        return Noise(reading_v, 0.0, np.zeros((width, 0)))
+    jump = _jumps(scans)
+    squares = ((jump - jump @ space @ space.T) ** 2).sum(axis=1) / freedom
+    outside = float(np.median(squares))
+    coloured = outside > ((1 + COLOURED) * reading_v) ** 2
+    noise_v = max(reading_v, float(np.sqrt(outside))) if coloured else reading_v
+    # Of a median, half of it for the root; the squares of overlapping second differences count half.
+    error = 0.5 * 1.25 * float(squares.std()) / outside / np.sqrt(len(jump) / 2) if coloured else 0.0
+    inside = scans @ space / noise_v
+    stray = space @ max(_stray(_jumps(inside)), _stray(_jumps_of_runs(inside, run)), key=np.linalg.norm)
+    return Noise(noise_v, error, stray, -1 if coloured else _jittering(stray, columns[:, :-1]))
+
+
+def _jumps(scans: Array) -> Array:
+    """(R-2,P) second differences of scans (R,P), as large as the scans' noise."""
+    return np.diff(scans, n=2, axis=0) / np.sqrt(6)
+
+
+def _jumps_of_runs(scans: Array, run: NDArray[np.intp]) -> Array:
+    """(J,P) the same of frames from runs on end: one of each, then another of each, as often as most runs allow."""
+    _, first, count = np.unique(run, return_index=True, return_counts=True)
+    turns = int(np.median(count)) if len(first) >= ENOUGH_RESTS else 0
+    found = [_jumps(scans[first + turn % count]) for turn in range(turns)]
+    return np.concatenate([np.empty((0, scans.shape[1])), *found])
+
+
+def _stray(jump: Array) -> Array:
+    """(n,k) the directions in which jumps (J,n) are larger than white noise of one would be, as long as the excess."""
+    if not len(jump):
+        return np.zeros((jump.shape[1], 0))
+    size, axes = np.linalg.eigh(jump.T @ jump / len(jump))
+    more = size > _largest_by_chance(len(jump) + 2, len(size))
+    return np.asarray(axes[:, more] * np.sqrt(size[more] - 1))
+
+
+def _jittering(stray: Array, contacts: Array) -> int:
+    """The contact, by its column among (P,L), along which the largest of the ``stray`` lies, if that is material.
+
+    Contacts that all jitter alike are how the skin is made, not one that is loose.
+    """
+    if not stray.shape[1] or (stray**2).sum() < (JITTER**2 - 1) * len(stray):
+        return -1
+    largest = stray[:, -1] / np.linalg.norm(stray[:, -1])
+    along = np.abs(largest @ contacts) / np.linalg.norm(contacts, axis=0)
+    inverse = np.linalg.pinv(contacts)
+    share = np.sqrt(((inverse @ stray) ** 2).sum(axis=1))
+    loose = int(along.argmax())
+    return loose if along[loose] > ALONG and share[loose] > STANDS_OUT * np.median(share) else -1
+
+
+@cache
+def _largest_by_chance(count: int, width: int) -> float:
+    """What the largest eigenvalue in ``_scatter`` exceeds once in ``1 / RARELY`` where ``count`` frames are white."""
+    rng = np.random.default_rng(0)
+    jump = np.diff(rng.standard_normal((CHANCES, count, width)), n=2, axis=1) / np.sqrt(6)
+    size = np.linalg.eigvalsh(np.einsum("crn,crm->cnm", jump, jump, optimize=True) / jump.shape[1])
+    return float(np.quantile(size[:, -1], 1 - RARELY))
+
+
+# contacts that wander ------------------------------------------------------------------------------------------
+
+
+def _contact_drift(
+    change_v: Array,
+    time_s: Array,
+    run: NDArray[np.intp],
+    noise_v: float,
+    columns: Array,
+    traces: Array,
+    contacts: Array,
+) -> tuple[Effect, ...]:
+    """What each contact did over the recording, from its rest frames, where they wander beyond the noise.
+
+    ``run`` (R,) numbers the rest frames' runs between presses. A contact that is another one in every run has no path
+    that pressed frames could be told from: that is noise. Of fewer than five runs nothing tells the two apart, and a
+    contact that isn't the same in them drifts.
+    """
+    if len(change_v) < ENOUGH_RESTS:
+        return ()
+    moved, error = np.empty((2, len(change_v), columns.shape[1]))
+    for row, trace in enumerate(traces):
+        inverse = np.linalg.pinv(np.hstack([columns, trace]))[: columns.shape[1]]
+        moved[row], error[row] = inverse @ change_v[row], noise_v * np.sqrt((inverse**2).sum(axis=1))
+    surprise = np.sqrt(((moved / error) ** 2).mean(axis=0))
+    restless = [k for k in range(len(contacts)) if surprise[k] > RESTLESS]
+    free = [trace @ trace.T for trace in traces]
+    rest = np.stack([c - p @ c for c, p in zip(change_v / noise_v, free, strict=True)])
+    designs = [columns - p @ columns for p in free]
+    drift, knots = measured_as(Measured.CONTACT_PATH)(), tuple(time_s.tolist())
+
+    def path_ohm(k: int) -> tuple[float, ...]:
+        return tuple((contacts[k] * _smoothed(moved[:, k], error[:, k])).tolist())
+
+    return tuple(
+        drift.changed({"electrode": k, "knot_s": knots, "ohm": path_ohm(k)})
+        for k in wandering(rest, designs, traces.any(axis=1).sum(axis=1).tolist(), restless)
+        if wanders(*_by_run(moved[:, k], error[:, k], run))
+    )
+
+
+def wandering(change: Array, designs: Sequence[Array], taken: Sequence[int], restless: list[int]) -> list[int]:
+    """Which of the ``restless`` contacts explain the rest frames' changes (R,P), in units of the noise.
+
+    ``designs`` (R of (P,L+1)): each contact's column and, last, the whole sheet's; ``taken`` degrees of freedom gone
+    before. All of them where together they leave little; else something other than contacts changed, which many of
+    them would share out among themselves, and only those count that explain much alone.
+    """
+
+    def excess(chosen: list[int]) -> float:
+        total = 0.0
+        for row, design, gone in zip(change, designs, taken, strict=True):
+            space = np.linalg.qr(design[:, [*chosen, -1]])[0]
+            total += float((row**2).sum() - ((space.T @ row) ** 2).sum()) - (len(row) - gone - space.shape[1])
+        return total
+
+    before = excess([])
+    if not restless or before <= 0:
+        return []
+    if excess(restless) < LEFT * before:
+        return restless
+    return [k for k in restless if before - excess([k]) > ALONE * before]
+
+
+def _by_run(path: Array, error: Array, run: NDArray[np.intp]) -> tuple[Array, Array]:
+    """Means of a path (R,) and their errors, run by run; as they are where there are too few runs."""
+    number, of, count = np.unique(run, return_inverse=True, return_counts=True)
+    if len(number) < ENOUGH_RESTS:
+        return path, error
+    mean = np.bincount(of, path) / count
+    return mean, np.sqrt(np.bincount(of, error**2)) / count
+
+
+def wanders(path: Array, error: Array) -> bool:
+    """Whether a path (R,) seen with ``error`` (R,) goes from place to place rather than being anywhere every time.
+
+    By J. von Neumann's ratio, Ann. Math. Stat. 12, 367 (1941): half the mean square of the steps over the variance,
+    both without the error. White noise has 1, a random walk about 3 / (R + 1): half-way between is the limit, or where
+    white noise comes once in fifty if that is less.
+    """
+    count = len(path)
+    rarely = 1 - TWO_SIGMA * np.sqrt((count - 2) / (count**2 - 1))
+    noise = float((error**2).mean())
+    steps = 0.5 * float((np.diff(path) ** 2).mean()) - noise
+    return steps < min(0.5 * (1 + 3 / (count + 1)), rarely) * (float(path.var(ddof=1)) - noise)
+
+
+def _smoothed(path: Array, error: Array) -> Array:
+    """A random walk seen through noise, by the Kalman smoother, its step size from the path's own increments."""
+    least = 1e-4 * float(np.median(error)) ** 2
+    step = max(float(np.mean(np.diff(path) ** 2 - error[1:] ** 2 - error[:-1] ** 2)), least)
+    mean, variance = np.zeros(len(path)), np.zeros(len(path))
+    m, v = float(path[0]), float(error[0]) ** 2
+    for k, seen in enumerate(path):
+        if k:
+            v += step
+            gain = v / (v + error[k] ** 2)
+            m, v = m + gain * (seen - m), (1 - gain) * v
+        mean[k], variance[k] = m, v
+    for k in range(len(path) - 2, -1, -1):
+        back = variance[k] / (variance[k] + step)
+        mean[k] += back * (mean[k + 1] - mean[k])
+    return mean

@@ -1,0 +1,1 @@
+"""Which effects a recording shows: terms screened, added, exchanged."""

@@ -1,0 +1,212 @@
+"""What could be missing: for every effect the terms a fit starts from, screened by their gain to first order."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ertskin.diagnosis.fit.joint_fit import Solved, Term, VoltageProblem
+from ertskin.diagnosis.search.first_order_gain import added_gain
+from ertskin.diagnosis.search.smooth_fields import best_field
+from ertskin.physics.effects.effect import AcquisitionEffect, Effect, ElectrodeEffect, Parameter, Start, shown_by
+from ertskin.physics.effects.hypothesis import Measured, Signal
+from ertskin.physics.effects.registry import effects_shown_by, measured_as
+
+Array = NDArray[np.float64]
+
+LEAST_LEFTOVER = 0.05
+"""Least part of an instrument's pattern expected to lie outside what a network could give."""
+SCREENED_LENGTHS = (0.4,)
+"""Correlation lengths of the smooth fields screened, over the sheet's longer side."""
+SHARES = 0.05, 20.0
+"""Least and most of a whole effect that a screening may ask for."""
+FARTHEST_M = 5e-3
+"""How far from its place a pad is begun at most."""
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A term to try, where it starts, and what screening expects it to gain (half chi-square, held out)."""
+
+    term: Term
+    gain: float
+
+    @property
+    def name(self) -> str:
+        return self.term.name
+
+
+def screen(problem: VoltageProblem, solved: Solved, partitions: Sequence[Sequence[int]]) -> list[Candidate]:
+    """Every term that isn't in the fit yet, best first."""
+    found = [*_through_scans(problem, solved, partitions), *_electrodes(problem, solved, partitions)]
+    found += _fields(problem, solved, partitions)
+    found += _instrument(problem, solved)
+    return sorted(found, key=lambda c: -c.gain)
+
+
+def _through_scans(problem: VoltageProblem, solved: Solved, partitions: Sequence[Sequence[int]]) -> list[Candidate]:
+    here = problem.family.skin(solved.calibration, solved.effects)
+    present = {t.name for t in solved.terms}
+    base = problem.scan_residual(here)
+    specimen = problem.specimen.residual(here) if problem.specimen is not None else np.zeros(0)
+    found = []
+    for probes, finish in _trials(problem, present):
+        columns, specimen_columns, sizes = [], [], []
+        for probe, size in probes:
+            skin = problem.family.skin(solved.calibration, (*solved.effects, probe))
+            columns.append((base - problem.scan_residual(skin)) / size)
+            if problem.specimen is not None:
+                specimen_columns.append((specimen - problem.specimen.residual(skin)) / size)
+            sizes.append(size)
+        extra = np.stack(specimen_columns, axis=-1) if specimen_columns else np.zeros((0, len(columns)))
+        gain, value = added_gain(problem, solved, np.stack(columns, axis=-1), base, specimen, extra, partitions)
+        if np.isfinite(gain) and np.isfinite(value).all():
+            found.append(Candidate(finish(value), gain))
+    return found
+
+
+Probes = list[tuple[Effect, float]]
+
+
+def _trials(problem: VoltageProblem, present: set[str]) -> list[tuple[Probes, Callable[[Array], Term]]]:
+    """Probes whose columns go into the screening together, and the term their best values start."""
+    kinds = [kind for kind in effects_shown_by(Signal.READINGS) if kind.name not in present]
+    return [
+        _trial(start)
+        for kind in kinds
+        if not shown_by(kind, Signal.NONRECIPROCAL) and not (issubclass(kind, ElectrodeEffect) and kind.displaces())
+        for start in kind.reading_starts(problem.evidence.sensor, problem.evidence.protocol)
+    ]
+
+
+def _trial(start: Start) -> tuple[Probes, Callable[[Array], Term]]:
+    known = start.effect.parameters()
+    if not start.along:
+        # It can't be negative: the probe is the whole effect, its value the share of it.
+        return [(start.effect, 1.0)], lambda value: Term(start.effect, start.free).nearer(_share(value[0]))
+    probes: Probes = [(start.effect.changed({key: known[key].typical}), known[key].typical) for key in start.along]
+
+    def finish(value: Array) -> Term:
+        limited = {key: _inside(float(v), known[key]) for key, v in zip(start.along, value, strict=True)}
+        return Term(start.effect.changed(limited), start.free)
+
+    return probes, finish
+
+
+def _share(value: float) -> float:
+    return float(np.clip(value, *SHARES))
+
+
+def _inside(value: float, known: Parameter) -> float:
+    return float(np.clip(value, known.low * 0.9, known.high * 0.9))
+
+
+def _fields(problem: VoltageProblem, solved: Solved, partitions: Sequence[Sequence[int]]) -> list[Candidate]:
+    """Properties that vary smoothly over the sheet, without the wild guesses of a spot where nothing has pressed."""
+    present = {t.name for t in solved.terms}
+    found = []
+    for kind in effects_shown_by(Signal.READINGS):
+        if kind.hypothesis.field and kind.name not in present:
+            gain, nodes = best_field(problem, solved, (*solved.effects,), kind(), partitions, SCREENED_LENGTHS)
+            if nodes is not None:
+                found.append(Candidate(Term(kind().changed({"nodes": nodes}), ("gradient_x", "gradient_y")), gain))
+    return found
+
+
+def _electrodes(problem: VoltageProblem, solved: Solved, partitions: Sequence[Sequence[int]]) -> list[Candidate]:
+    """Displaced pads, from the shape derivatives the states hold."""
+    sensor, protocol = problem.evidence.sensor, problem.evidence.protocol
+    if sensor.electrode_edge_m is not None:
+        return []
+    pads = measured_as(Measured.PAD_SHIFT)
+    present = {_number(t.effect) for t in solved.terms if t.name == pads.name}
+    base = solved.scan_residual
+    specimen = np.zeros(0)
+    found = []
+    for start in pads.reading_starts(sensor, protocol):
+        electrode = _number(start.effect)
+        if electrode in present:
+            continue
+        columns = np.zeros((*base.shape, 2))
+        for patch in problem.linear.patches:
+            for k, state in enumerate(patch.states):
+                columns[patch.rows[patch.state_of == k]] = state.pads[:, electrode]
+        columns = np.where(problem.weight[:, None, None] > 0, columns / problem.evidence.noise_v, 0.0)
+        gain, value = added_gain(
+            problem, solved, problem.evidence.discounted(columns), base, specimen, np.zeros((0, 2)), partitions
+        )
+        if not (np.isfinite(gain) and np.isfinite(value).all()):
+            continue
+        shift = np.clip(value, -FARTHEST_M, FARTHEST_M)
+        effect = start.effect.changed(dict(zip(start.along, shift.tolist(), strict=True)))
+        found.append(Candidate(Term(effect, start.free), gain))
+    return found
+
+
+def _number(effect: Effect) -> int:
+    """The electrode or channel that an effect belongs to, -1 for none."""
+    return int(getattr(effect, "electrode", getattr(effect, "channel", -1)))
+
+
+def _instrument(problem: VoltageProblem, solved: Solved) -> list[Candidate]:
+    """Effects that no resistor network explains, by what they'd explain of what none does."""
+    protocol = problem.evidence.protocol
+    if protocol.count <= protocol.orthonormal.shape[1]:
+        return []
+    signal = problem.acquisition
+    skin = problem.family.skin(solved.calibration, solved.effects)
+    wrong = signal.residual(skin)
+    readings = (signal.scans(skin)[signal.rows] @ protocol.orthonormal.T).reshape(-1, *protocol.shape)
+    present = {(t.name, _number(t.effect)) for t in solved.terms}
+    found: list[Candidate | None] = []
+    for kind in effects_shown_by(Signal.NONRECIPROCAL):
+        for start in kind.reading_starts(problem.evidence.sensor, protocol):
+            if (kind.name, _number(start.effect)) in present:
+                continue
+            if isinstance(start.effect, AcquisitionEffect):
+                found.append(_distorting(problem, start, start.effect, readings, wrong))
+            else:
+                found.append(_moving(problem, solved, start, wrong, signal.leftover(skin)))
+    return [candidate for candidate in found if candidate is not None]
+
+
+def _distorting(
+    problem: VoltageProblem, start: Start, effect: AcquisitionEffect, readings: Array, wrong: Array
+) -> Candidate | None:
+    """An effect on the readings (n,K,M), against what no network explains of them (n,K*M), in units of the noise."""
+    protocol, noise = problem.evidence.protocol, problem.evidence.leftover_noise_v
+    moved = (effect.distorted_v(readings, protocol) - readings).reshape(len(readings), -1)
+    # The residual has no reciprocal part, so only the pattern's length needs it taken off.
+    along, longest = float((moved * wrong).sum()) / noise, float((moved**2).sum()) / noise**2
+    if longest <= 0 or along**2 * problem.leftover_share < 4.0 * LEAST_LEFTOVER * longest:
+        return None
+    square = longest - float(((moved @ protocol.orthonormal) ** 2).sum()) / noise**2
+    gain, share = _one_column(along, square, problem.leftover_share)
+    (key,) = start.along
+    known, size = effect.parameters()[key], float(getattr(effect, key))
+    value = _inside(share * size, known)
+    if value * size <= 0 and known.low >= 0:
+        return None
+    return Candidate(Term(effect.changed({key: value}), start.free), gain)
+
+
+def _moving(problem: VoltageProblem, solved: Solved, start: Start, wrong: Array, before: Array) -> Candidate | None:
+    """An effect within the chain that no network explains either, such as a press that moves during its scan."""
+    (key,) = start.along
+    known, size = start.effect.parameters()[key], float(getattr(start.effect, key))
+    skin = problem.family.skin(solved.calibration, (*solved.effects, start.effect))
+    column = (problem.acquisition.leftover(skin) - before) / problem.evidence.leftover_noise_v
+    gain, share = _one_column(float((column * wrong).sum()), float((column**2).sum()), problem.leftover_share)
+    if share <= 0:
+        return None
+    value = float(np.clip(share * size, 1e-6, 0.9 * known.high))
+    return Candidate(Term(start.effect.changed({key: value}), start.free), gain)
+
+
+def _one_column(along: float, square: float, share: float) -> tuple[float, float]:
+    if square <= 0:
+        return 0.0, 0.0
+    return 0.5 * share * along**2 / square - 0.5, along / square

@@ -1,0 +1,83 @@
+"""What columns beside a fit would gain, held out, to first order: the screen every candidate passes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ertskin.diagnosis.fit.joint_fit import Solved, VoltageProblem
+
+Array = NDArray[np.float64]
+
+
+def added_gain(
+    problem: VoltageProblem,
+    solved: Solved,
+    columns: Array,
+    base: Array,
+    specimen: Array,
+    specimen_columns: Array,
+    partitions: Sequence[Sequence[int]],
+    precision: Array | None = None,
+) -> tuple[float, Array]:
+    """First-order held-out gain in half chi-square of adding columns (T,P,c) to the fit, and their coefficients.
+
+    ``precision`` (c,) of the coefficients about nought, beforehand.
+    """
+    gradient, hessian = _with_columns(problem, solved, columns, base, specimen, specimen_columns)
+    added, cells = columns.shape[-1], len(gradient)
+    count = len(solved.fit.value)
+    prior = np.zeros(count + added)
+    prior[:count] = solved.fit.prior.diagonal()
+    if precision is not None:
+        prior[count:] = precision
+    value = np.concatenate([solved.fit.value, np.zeros(added)])
+    gain = 0.0
+    for out in [*partitions, []]:
+        inside = ~np.isin(np.arange(cells), out)
+        full = _newton(gradient[inside].sum(axis=0) - prior * value, hessian[inside].sum(axis=0) + np.diag(prior))
+        small = _newton(
+            gradient[inside, :count].sum(axis=0) - (prior * value)[:count],
+            hessian[inside, :count, :count].sum(axis=0) + np.diag(prior[:count]),
+        )
+        for cell in out:
+            gain += gradient[cell] @ full - 0.5 * full @ hessian[cell] @ full
+            gain -= gradient[cell, :count] @ small - 0.5 * small @ hessian[cell, :count, :count] @ small
+    return float(gain), full[count:]
+
+
+def _with_columns(
+    problem: VoltageProblem, solved: Solved, columns: Array, base: Array, specimen: Array, specimen_columns: Array
+) -> tuple[Array, Array]:
+    """Gradient (F,n+c) and Hessian (F,n+c,n+c) of the fit by cell, the columns (T,P,c) added behind."""
+    quadratic = solved.fit.quadratic
+    added = columns.shape[-1]
+    count = len(solved.fit.value)
+    cells = len(quadratic.cost)
+    gradient = np.zeros((cells, count + added))
+    hessian = np.zeros((cells, count + added, count + added))
+    gradient[:, :count] = quadratic.gradient
+    hessian[:, :count, :count] = quadratic.hessian
+    known, known_specimen = problem.last_columns
+
+    def add(cell: int, old: Array, new: Array, wrong: Array) -> None:
+        gradient[cell, count:] = new.T @ wrong
+        hessian[cell, count:, count:] = new.T @ new
+        cross = old.T @ new.astype(old.dtype)
+        hessian[cell, :count, count:] = cross
+        hessian[cell, count:, :count] = cross.T
+
+    for cell in range(problem.cell_count):
+        mine = (problem.cells == cell) & (problem.weight > 0)
+        if mine.any():
+            add(cell, known[mine].reshape(-1, count), columns[mine].reshape(-1, added), base[mine].ravel())
+    if len(specimen):
+        add(-1, known_specimen, specimen_columns, specimen)
+    return gradient, hessian
+
+
+def _newton(gradient: Array, hessian: Array) -> Array:
+    scale = np.sqrt(np.maximum(np.diag(hessian), 1e-300))
+    return np.asarray(np.linalg.lstsq(hessian / scale[:, None] / scale, gradient / scale, rcond=1e-10)[0] / scale)

@@ -1,0 +1,154 @@
+"""Where, what, how sure: the whole diagnosis of one recording."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ertskin.diagnosis.contract.claims import MATERIAL_RATIO, Diagnosis, HeldOut
+from ertskin.diagnosis.design.doubtful_claim import settling_press
+from ertskin.diagnosis.fit.joint_fit import Solved, Term, VoltageProblem
+from ertskin.diagnosis.judge.answer import answered
+from ertskin.diagnosis.judge.held_out import Predictions, predictions, ratio, unspoilt
+from ertskin.diagnosis.judge.remainder import remainder
+from ertskin.diagnosis.judge.repeatability import Repeatability, repeatability
+from ertskin.diagnosis.judge.result import Findings
+from ertskin.diagnosis.linear.calibration_vector import SHAPE, Calibration, SkinFamily
+from ertskin.diagnosis.linear.linear_skin import LinearSkin
+from ertskin.diagnosis.recording.evidence import CannotTell, Evidence, gather
+from ertskin.diagnosis.recording.split import fitted_and_held
+from ertskin.diagnosis.rest.baseline import Baseline, calibrated
+from ertskin.diagnosis.search.selection import Selection, select
+from ertskin.hardware.recording import Recording
+from ertskin.physics.conduction.mesh import MeshError
+from ertskin.physics.skin import Skin
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+Report = Callable[[float | None, str], None]
+Selector = Callable[..., Selection]
+"""With the arguments of ``select``."""
+
+FOLDS = 6
+START_RATIO = 0.0
+
+
+def diagnose(
+    recording: Recording, name: str, report: Report, resolution: str = "fine", selector: Selector = select
+) -> Findings:
+    """Diagnose a skin's recording; what it can't say ends in a ``cannot_tell`` with the reason.
+
+    ``selector`` chooses the effects.
+    """
+    try:
+        return _diagnose(recording, name, report, resolution, selector)
+    except CannotTell as error:
+        reason = str(error)
+    except np.linalg.LinAlgError:
+        reason = "no sheet with contacts gives such readings: check wiring, injected currents and units"
+    except MeshError as error:
+        reason = f"the sheet can't be meshed: {error}"
+    return Findings(Diagnosis(name, "cannot_tell", HeldOut("none", None, None, None, None), reason=reason))
+
+
+def _diagnose(recording: Recording, name: str, report: Report, resolution: str, selector: Selector) -> Findings:
+    report(0.01, "reading the evidence")
+    evidence = gather(recording)
+    report(0.04, "calibrating at rest, fitting force and depth")
+    baseline = calibrated(recording, evidence, resolution)
+    noise = baseline.noise
+    evidence = replace(evidence, noise_v=noise.rms_v, stray=noise.stray, traces=baseline.traces)
+    fitted, held = fitted_and_held(evidence)
+    family = SkinFamily(baseline.skin, resolution)
+    selection = _selected(evidence, baseline, family, fitted, selector, report)
+    plain = _plain(evidence, baseline, family, fitted, selection)
+    report(0.85, "predicting presses no fit has seen")
+    found = predictions(evidence, baseline, plain, selection, family, held)
+    selection, found = unspoilt(evidence, baseline, selection, family, found)
+    skin = family.skin(selection.after.calibration, selection.after.effects)
+    differ = _presses_that_differ(selection, skin) if found.ratio_after > MATERIAL_RATIO else None
+    findings = answered(name, evidence, baseline, selection, found, differ)
+    if (findings.diagnosis.unexplained_ratio or 0.0) > MATERIAL_RATIO:
+        report(0.9, "predicting what no name explains")
+        findings = _with_remainder(findings, selection, found)
+    report(0.92, "looking for the press that would settle what is in doubt")
+    press = settling_press(evidence, skin, baseline.force_noise.rms_n, findings.diagnosis.claims)
+    return replace(findings, diagnosis=replace(findings.diagnosis, next_press=press))
+
+
+def _selected(
+    evidence: Evidence, baseline: Baseline, family: SkinFamily, fitted: Indices, selector: Selector, report: Report
+) -> Selection:
+    """The effects that the frames ``fitted`` show, beginning with those that other signals have named."""
+    nominal, start = baseline.skin, _start(baseline)
+
+    def build(solved: Solved | None) -> VoltageProblem:
+        calibration, effects = (start, nominal.effects) if solved is None else (solved.calibration, solved.effects)
+        skin = family.remeshed(calibration, effects)
+        return _problem(evidence, baseline, family, skin, baseline.force_n, fitted, report)
+
+    fixed = [Term(e, e.hypothesis.also_in_readings) for e in nominal.effects]
+    begun = [(Term(f.effect, f.free), f.rivals) for f in baseline.specimen_findings]
+    if baseline.displaced is not None:
+        begun.append((Term(baseline.displaced, tuple(baseline.displaced.parameters())), ()))
+    partitions = [[int(k)] for k in np.unique(_cells(evidence, fitted))]
+    return selector(build, fixed, begun, start, partitions, report)
+
+
+def _plain(evidence: Evidence, baseline: Baseline, family: SkinFamily, fitted: Indices, selection: Selection) -> Solved:
+    """The simulator calibrated without any effect, forces from a linear pad: what the diagnosis is to improve on."""
+    if not selection.before.effects:
+        return selection.before
+    skin = family.remeshed(_start(baseline), ())
+    problem = _problem(evidence, baseline, family, skin, baseline.plain_force_n, fitted, lambda share, text: None)
+    return problem.solve((), _start(baseline))
+
+
+def _start(baseline: Baseline) -> Calibration:
+    skin = baseline.skin
+    return Calibration(skin.piezo.zero_ohm_sq, skin.contact_resistance_ohm, START_RATIO, np.zeros(SHAPE))
+
+
+def _cells(evidence: Evidence, fitted: Indices) -> Indices:
+    """(n,) which of the ``FOLDS`` each frame's press belongs to."""
+    return (np.unique(evidence.history.press[fitted], return_inverse=True)[1] % FOLDS).astype(np.intp)
+
+
+def _problem(
+    evidence: Evidence,
+    baseline: Baseline,
+    family: SkinFamily,
+    skin: Skin,
+    force_n: Array,
+    fitted: Indices,
+    report: Report,
+) -> VoltageProblem:
+    """The joint fit of the frames ``fitted``, under forces (T,C) in newton, linearised about ``skin``."""
+    linear = LinearSkin(skin, evidence.history, force_n, fitted, lambda share, text: report(None, text))
+    train = evidence.frames(fitted)
+    return VoltageProblem(train, family, linear, baseline.specimen, _cells(evidence, fitted), np.ones(len(fitted)))
+
+
+def _with_remainder(findings: Findings, selection: Selection, found: Predictions) -> Findings:
+    """The findings with how much of what no name explains a model without a name predicts."""
+    problem = selection.problem
+    elsewhere = problem.linear.history[found.held]
+    nameless = remainder(problem.evidence.history, selection.after.scan_residual, elsewhere)
+    return replace(findings, diagnosis=replace(findings.diagnosis, remainder_ratio=ratio(found.after - nameless)))
+
+
+def _presses_that_differ(selection: Selection, skin: Skin) -> Repeatability | None:
+    """How the presses fitted scatter, where that is most of what is left."""
+    problem, residual = selection.problem, selection.after.scan_residual
+    linear, evidence, history = problem.linear, problem.evidence, problem.evidence.history
+    rows = np.flatnonzero(history.touched.any(axis=1) & residual.any(axis=1))
+
+    def scans(other: Skin, force_n: Array) -> Array:
+        return evidence.frames(rows).discounted(problem.linear.scans(other, force_n)[rows] / evidence.noise_v)
+
+    place_m, load_n = history.contact_m[rows, 0], np.nansum(linear.force_n[linear.wanted[rows]], axis=1)
+    found = repeatability(residual[rows], scans, skin, linear.force_n, history.press[rows], place_m, load_n)
+    return found if found.matters else None

@@ -1,0 +1,1 @@
+"""What the specimen of the fabric shows: a stress that is known."""

@@ -1,0 +1,1 @@
+"""A tank or a sheet without mechanics."""

@@ -1,0 +1,232 @@
+"""A tank or sheet without mechanics: which electrode reads wrong, and where the sheet changed.
+
+The first frame is the empty tank. What no resistor network explains of it belongs to the instrument and is tested
+electrode by electrode; an electrode that stands out is blamed and its columns' gains and offsets are fitted. The rest
+of it, which a network explains, says where the electrodes on the rim are (``placement``). Later frames are imaged
+against the first.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import f as f_distribution
+
+from ertskin.diagnosis.contract.claims import QUANTILE, Claim, Diagnosis, Estimate, HeldOut, verdict_of
+from ertskin.diagnosis.judge.partial_result import Drawing, DrawnFindings
+from ertskin.diagnosis.judge.result import Findings
+from ertskin.diagnosis.tank.displaced_electrodes import SUREST, placed, with_placement
+from ertskin.diagnosis.tank.electrode_error import (
+    LEVEL,
+    ColumnError,
+    ElectrodeErrors,
+    column_errors,
+    corrected,
+    electrode_errors,
+    rms_v,
+    unexplained_v,
+)
+from ertskin.diagnosis.tank.figures import electrode_figure, map_figure
+from ertskin.diagnosis.tank.inclusions import Imaging
+from ertskin.hardware.recording import Recording
+from ertskin.physics.conduction.mesh import MeshError
+from ertskin.physics.effects.effect import Effect
+from ertskin.physics.effects.hypothesis import Measured
+from ertskin.physics.effects.registry import measured_as
+from ertskin.physics.protocol import Protocol
+from ertskin.physics.spikes import completed
+
+Array = NDArray[np.float64]
+
+SPLIT = "every fourth injection, gains and offsets fitted on the others"
+SIGNIFICANT = 1e-3
+MOST_COMPARED = 100
+MOST_IMAGED = 4
+"""Frames of which the report shows maps."""
+LEAST_ERROR = 0.0015
+"""Rms of what no network explains over that of the readings, below which an instrument's error matters to nobody."""
+LEAST_GAIN = 0.005
+"""Gain, or offset over the readings' rms, from which a channel's error is named."""
+ONE_FRAME = "one frame: a standing error that all electrodes share can't be told from noise"
+
+
+def diagnose_tank(recording: Recording, name: str) -> Findings:
+    """Name the electrodes with a standing error in the empty tank, if any stand out; map what changed later."""
+    assert recording.protocol is not None
+    assert recording.frames is not None
+    protocol = recording.protocol
+    voltage = completed(protocol, np.asarray(recording.frames.voltage_v, dtype=float))
+    reason = _unusable(protocol, voltage)
+    if reason:
+        return Findings(Diagnosis(name, "cannot_tell", HeldOut("none", None, None, None, None), reason=reason))
+    errors = _material_errors(protocol, voltage[0])
+    mended = voltage[0]
+    for electrode in errors.named:
+        mended = corrected(protocol, mended, electrode)
+    noise = noise_v(protocol, voltage)
+    left = electrode_errors(protocol, mended)
+    diagnosis = _instrument(name, protocol, voltage, (errors, left, mended))
+    placement = placed(recording, mended, noise, errors.named)
+    return DrawnFindings(
+        diagnosis if placement is None else with_placement(diagnosis, placement),
+        tests_before=(errors.axis_test(noise),),
+        tests_after=(left.axis_test(noise),),
+        drawings=(_electrode_drawing(errors, left), *_maps(recording, voltage)),
+    )
+
+
+def _instrument(
+    name: str, protocol: Protocol, voltage: Array, found: tuple[ElectrodeErrors, ElectrodeErrors, Array]
+) -> Diagnosis:
+    """What the instrument does: its electrodes' errors before and after the empty scan was mended."""
+    errors, left, mended = found
+    empty, noise = voltage[0], noise_v(protocol, voltage)
+    before, after = (rms_v(protocol, scan) / noise for scan in (empty, mended))
+    claims = tuple(c for e in errors.named for c in _claims(protocol, (empty, mended, noise), errors, e))
+    chance = standing_chance(protocol, voltage)
+    if rms_v(protocol, empty) < LEAST_ERROR * _readings_rms_v(protocol, empty):
+        chance = 1.0
+    verdict = verdict_of(before if chance < SIGNIFICANT else 1.0, after, bool(claims), other_mismatch=False)
+    return Diagnosis(
+        name,
+        verdict,
+        HeldOut(SPLIT, noise, before, after, min(errors.p_value, default=chance)),
+        stage=None if verdict == "no_mismatch" else "acquisition",
+        electrodes=errors.named,
+        depends_on=("electrode",) if errors.named else (),
+        claims=claims,
+        unexplained_ratio=after,
+        unexplained_depends_on=("electrode",) if left.named else (),
+        reason=ONE_FRAME if len(voltage) == 1 else None,
+    )
+
+
+def _readings_rms_v(protocol: Protocol, scan_v: Array) -> float:
+    return float(np.sqrt(np.mean(scan_v[protocol.taken] ** 2)))
+
+
+def _material_errors(protocol: Protocol, scan_v: Array) -> ElectrodeErrors:
+    """The electrodes that stand out by more than a gain or an offset that matters to nobody."""
+    errors = electrode_errors(protocol, scan_v)
+    least_v = LEAST_GAIN * _readings_rms_v(protocol, scan_v)
+
+    def matters(electrode: int) -> bool:
+        found = column_errors(protocol, scan_v, electrode)
+        return any(abs(c.gain) > LEAST_GAIN or abs(c.offset_v) > least_v for c in found)
+
+    kept = [(e, p) for e, p in zip(errors.named, errors.p_value, strict=True) if matters(e)]
+    return replace(errors, named=tuple(e for e, _ in kept), p_value=tuple(p for _, p in kept))
+
+
+def noise_v(protocol: Protocol, voltage_v: Array) -> float:
+    """Noise of a reading in volt: what no network explains of how frames (T,K,M) differ, for standing errors don't.
+
+    With one frame alone, the usual size of what no network explains of it.
+    """
+    good = voltage_v[np.isfinite(voltage_v).all(axis=(1, 2))][:MOST_COMPARED]
+    if len(good) > 1:
+        noise = float(np.sqrt(np.mean([rms_v(protocol, change) ** 2 for change in np.diff(good, axis=0)]) / 2))
+    else:
+        left = unexplained_v(protocol, good[0])
+        share = 1 - protocol.orthonormal.shape[1] / protocol.count
+        noise = float(1.4826 * np.median(np.abs(left[protocol.taken])) / np.sqrt(share))
+    return max(noise, 1e-9 * float(np.abs(good).max()))
+
+
+def standing_chance(protocol: Protocol, voltage_v: Array) -> float:
+    """Chance that noise alone makes what no network explains of the first frame as large as it is (Fisher's F).
+
+    Degrees of freedom count less where some columns are noisier than others (Satterthwaite). NaN with one frame.
+    """
+    good = voltage_v[np.isfinite(voltage_v).all(axis=(1, 2))][:MOST_COMPARED]
+    if len(good) < 2:
+        return float("nan")
+    changes = np.array([unexplained_v(protocol, change) for change in np.diff(good, axis=0)])
+    column = (changes**2).mean(axis=(0, 1))
+    even = float(column.mean() ** 2 / np.maximum((column**2).mean(), 1e-300))
+    freedom = even * (protocol.count - protocol.orthonormal.shape[1])
+    ratio = rms_v(protocol, good[0]) / noise_v(protocol, good)
+    return float(f_distribution.sf(ratio**2, freedom, freedom))
+
+
+def _unusable(protocol: Protocol, voltage_v: Array) -> str | None:
+    """Why a recording can't say anything, if so."""
+    if not len(voltage_v):
+        return "the recording holds no frame"
+    if not np.isfinite(voltage_v[0]).all():
+        return "the first frame has readings that are no numbers"
+    if not np.ptp(voltage_v[0]) > 0:
+        return "all readings of the first frame are alike"
+    if protocol.orthonormal.shape[1] >= protocol.count:
+        return "some resistor network explains any readings of this protocol: no reading is taken twice"
+    return None
+
+
+def _claims(
+    protocol: Protocol, scans: tuple[Array, Array, float], errors: ElectrodeErrors, electrode: int
+) -> list[Claim]:
+    """A gain and offset for every column that reads a bad electrode.
+
+    As sure as the electrode is, times the share of its excess over the other electrodes that they take away.
+    """
+    empty, mended, noise = scans
+    usual = float(np.nanmedian(errors.rms_v))
+    left = float(electrode_errors(protocol, mended).rms_v[electrode])
+    excess = errors.rms_v[electrode] ** 2 - usual**2
+    share = float(np.clip(1 - max(left**2 - usual**2, 0.0) / max(excess, 1e-300), 0.0, 1.0))
+    chance = errors.p_value[errors.named.index(electrode)]
+    confidence = min(SUREST, (1 - chance) * share)
+    ratio = rms_v(protocol, empty) / noise
+    return [
+        Claim(_effect(column), confidence, ratio, _estimates(column))
+        for column in column_errors(protocol, empty, electrode)
+    ]
+
+
+def _effect(column: ColumnError) -> Effect:
+    off = measured_as(Measured.CHANNEL_ERROR)()
+    found = {"gain": column.gain, "offset_v": column.offset_v}
+    within = {key: float(np.clip(found[key], known.low, known.high)) for key, known in off.parameters().items()}
+    return off.changed({"channel": column.channel, **within})
+
+
+def _estimates(column: ColumnError) -> dict[str, Estimate]:
+    found = {}
+    for key, value, error, unit in (
+        ("gain", column.gain, column.gain_error, "1"),
+        ("offset_v", column.offset_v, column.offset_error_v, "V"),
+    ):
+        if np.isfinite(error):
+            found[key] = Estimate(value, value - QUANTILE * error, value + QUANTILE * error, unit)
+    return found
+
+
+def _electrode_drawing(before: ElectrodeErrors, after: ElectrodeErrors) -> Drawing:
+    if before.named:
+        said = ", ".join(f"{e} (p = {p:.2g})" for e, p in zip(before.named, before.p_value, strict=True))
+        said = f"Standing out, corrected for the number of electrodes: {said}."
+    else:
+        said = f"None stands out (p = {before.p_left:.2g}, named from {LEVEL:g} down)."
+    caption = f"Error of each electrode's potential that no resistor network explains. {said}"
+    return "Which electrode reads wrong", caption, lambda: electrode_figure(before, after)
+
+
+def _maps(recording: Recording, voltage_v: Array) -> list[Drawing]:
+    """The later frames' maps, where the tank can be meshed and a background fits."""
+    later = [k for k in range(1, len(voltage_v)) if np.isfinite(voltage_v[k]).all()][:MOST_IMAGED]
+    if not later:
+        return []
+    assert recording.sensor is not None
+    assert recording.protocol is not None
+    try:
+        imaging = Imaging(recording.sensor, recording.protocol, voltage_v[0])
+        maps = [imaging.image(voltage_v[k]) for k in later]
+    except (MeshError, RuntimeError, np.linalg.LinAlgError):
+        return []
+    caption = (
+        "Conductivity over the empty tank's, by iterated Gauss-Newton with total variation; how smooth was chosen by "
+        "the readings (the bend of the L-curve)."
+    )
+    return [("What changed", caption, lambda: map_figure(recording.sensor, maps, later))]

@@ -1,0 +1,89 @@
+"""Electrodes out of place along a tank's rim, as a part of the answer."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ertskin.diagnosis.contract.claims import QUANTILE, Claim, Diagnosis, Estimate, HeldOut, verdict_of
+from ertskin.diagnosis.tank.placement import ACCURACY, Placement, PlacementFit
+from ertskin.hardware.recording import Recording
+from ertskin.physics.conduction.mesh import MeshError
+from ertskin.physics.effects.hypothesis import Measured
+from ertskin.physics.effects.registry import measured_as
+
+Array = NDArray[np.float64]
+
+SUREST = 0.95
+NOT_TOLD = (
+    "two-dimensional impedance can't tell electrodes that slid along the rim from an outline that changed: conformal "
+    "maps of one onto the other leave every reading as it is; nor where all moved as such a map of a disk onto "
+    "itself moves them, nor an anisotropic sheet from an outline stretched"
+)
+
+
+def placed(recording: Recording, scan_v: Array, noise_v: float, aside: tuple[int, ...]) -> Placement | None:
+    """The electrodes' places along the rim, where the tank has them there and can be meshed."""
+    assert recording.sensor is not None
+    assert recording.protocol is not None
+    if recording.sensor.electrode_edge_m is None:
+        return None
+    try:
+        return PlacementFit(recording.sensor, recording.protocol, scan_v, noise_v, aside).fit()
+    except (MeshError, np.linalg.LinAlgError):
+        return None
+
+
+def with_placement(diagnosis: Diagnosis, found: Placement) -> Diagnosis:
+    """The answer with the electrodes out of place, if any are, and with what can't be told."""
+    moved = {
+        "misfit_before": found.misfit_before,
+        "misfit_after": found.misfit_after,
+        "model_accuracy": ACCURACY,
+        "shift_along_rim_m": [None if np.isnan(s) else float(s) for s in found.shift_m],
+        "center_in_file_m": found.place_m.tolist(),
+        "center_fitted_m": found.moved_m.tolist(),
+        "not_told": NOT_TOLD,
+    }
+    extra = {**diagnosis.extra, "placement": moved}
+    if not found.displaced:
+        return replace(diagnosis, extra=extra)
+    held = HeldOut(
+        "readings and their reciprocal ones, a quarter of them at a time; over a model's accuracy of 5 %",
+        diagnosis.held_out.noise_rms_v,
+        found.misfit_before,
+        found.misfit_after,
+        diagnosis.held_out.p_value,
+    )
+    return replace(
+        diagnosis,
+        verdict=verdict_of(found.misfit_before, found.misfit_after, named=True, other_mismatch=False),
+        held_out=held,
+        stage="electrodes",
+        electrodes=tuple(sorted({*diagnosis.electrodes, *found.displaced})),
+        depends_on=("electrode",),
+        claims=(*(_displacement(found, e) for e in found.displaced), *diagnosis.claims),
+        unexplained_ratio=found.misfit_after,
+        reason=NOT_TOLD,
+        extra=extra,
+    )
+
+
+def _displacement(found: Placement, electrode: int) -> Claim:
+    """One electrode out of place; where several are, the outline may have changed instead."""
+    shift = found.moved_m[electrode] - found.place_m[electrode]
+    half = QUANTILE * float(found.error_m[electrode]) * np.abs(shift) / max(float(np.linalg.norm(shift)), 1e-12)
+    effect = measured_as(Measured.PAD_SHIFT)()
+    known = effect.parameters()
+    values = {
+        key: float(np.clip(value, known[key].low, known[key].high))
+        for key, value in zip(("dx_m", "dy_m"), shift, strict=True)
+    }
+    estimates = {
+        key: Estimate(float(value), float(value - error), float(value + error), "m")
+        for key, value, error in zip(("dx_m", "dy_m"), shift, half, strict=True)
+    }
+    outline = (("outline_changed", SUREST),) if len(found.displaced) > 2 else ()
+    return Claim(effect.changed({"electrode": electrode, **values}), SUREST, found.misfit_before, estimates, outline)

@@ -1,0 +1,210 @@
+"""Which electrode reads wrong: what no resistor network explains of one scan, electrode by electrode.
+
+A network's readings lie in a space of few dimensions (``Protocol.orthonormal``); the rest of a scan belongs to the
+instrument. An electrode stands out where its share of that rest is larger than the others' shares would let one expect.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import t as student
+
+from ertskin.diagnosis.judge.axis_tests import AxisTest
+from ertskin.physics.protocol import Protocol
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+LEVEL = 0.05
+"""Chance that any electrode of a scan without a bad one is named."""
+MOST = 3
+"""Electrodes that may be named; with more, "the others" are no standard to go by."""
+FOLDS = 4
+
+
+@dataclass(frozen=True, eq=False)
+class ElectrodeErrors:
+    """Rms error in volt of the potential of each electrode (L,), as far as no network explains it; NaN where unseen.
+
+    ``named``: the electrodes that stand out, worst first, with the chance ``p_value`` of each, corrected for the number
+    of electrodes, and how much the worst of what is left stands out: ``p_left``.
+    """
+
+    rms_v: Array
+    named: tuple[int, ...]
+    p_value: tuple[float, ...]
+    p_left: float
+
+    def axis_test(self, noise_v: float) -> AxisTest:
+        """The same as a test along the axis "electrode"."""
+        seen = np.flatnonzero(np.isfinite(self.rms_v))
+        ratio = tuple(float(v) for v in self.rms_v[seen] / noise_v)
+        return AxisTest("electrode", tuple(str(e) for e in seen), ratio, self.p_value[0] if self.named else self.p_left)
+
+
+@dataclass(frozen=True)
+class ColumnError:
+    """Gain and offset of one column of readings with standard errors; ``channel``: the column's number.
+
+    A gain that a change of the network would hide is taken as none, with an infinite error.
+    """
+
+    channel: int
+    gain: float
+    gain_error: float
+    offset_v: float
+    offset_error_v: float
+
+
+def electrode_errors(protocol: Protocol, voltage_v: Array, level: float = LEVEL) -> ElectrodeErrors:
+    """Test of every electrode of a scan (K,M) in volt.
+
+    One after the other the worst electrode is set aside: all its potentials, in every injection, are given up, so that
+    its neighbours in difference readings aren't blamed. The logarithm of its error is held against the mean and
+    spread of the others' (Student's t, corrected for their number): the generalised extreme studentised deviate of
+    Rosner, Technometrics 25 (1983) 165. It supposes that errors of good electrodes are alike up to a log-normal factor.
+    """
+    network = protocol.orthonormal
+    reading = voltage_v.ravel()
+    every = _rms_v(protocol, network, reading)
+    rms = every
+    named: list[int] = []
+    chances: list[float] = []
+    while True:
+        worst = int(np.nanargmax(rms))
+        network = _with(network, _patterns(protocol, worst))
+        rest = _rms_v(protocol, network, reading)
+        rest[[*named, worst]] = np.nan
+        chance = _chance(rms[worst], rest)
+        if chance >= level or len(named) == MOST:
+            return ElectrodeErrors(every, tuple(named), tuple(chances), chance)
+        named.append(worst)
+        chances.append(chance)
+        rms = rest
+
+
+def column_errors(
+    protocol: Protocol, voltage_v: Array, electrode: int, rows: Indices | None = None
+) -> list[ColumnError]:
+    """Gain and offset of the columns that read an electrode, from the scan (K,M) of all injections or of ``rows``.
+
+    Least squares together with the network; standard errors from how the residuals of whole injections scatter.
+    """
+    rows = np.arange(protocol.shape[0]) if rows is None else rows
+    columns = read_by(protocol, electrode)
+    predicted = without(protocol, voltage_v, electrode)
+    shape = (*protocol.shape, 2 * len(columns))
+    errors = np.zeros(shape)
+    for k, column in enumerate(columns):
+        errors[:, column, 2 * k] = predicted[:, column]
+        errors[:, column, 2 * k + 1] = protocol.taken[:, column]
+    network = protocol.orthonormal.reshape(*protocol.shape, -1)[rows].reshape(len(rows) * shape[1], -1)
+    basis = np.linalg.qr(network)[0]
+    design = errors[rows].reshape(-1, shape[2])
+    size = np.linalg.norm(design, axis=0)
+    design = design - basis @ (basis.T @ design)
+    hidden = np.linalg.norm(design, axis=0) < 1e-6 * size
+    design[:, hidden] = 0.0
+    reading = voltage_v[rows].ravel()
+    bread = np.linalg.pinv(design.T @ design, rcond=1e-12, hermitian=True)
+    value = bread @ (design.T @ reading)
+    left = reading - basis @ (basis.T @ reading) - design @ value
+    scores = (design * left[:, None]).reshape(len(rows), shape[1], -1).sum(axis=1)
+    error = np.where(hidden, np.inf, np.sqrt(np.diag(bread @ (scores.T @ scores) @ bread)))
+    return [
+        ColumnError(int(c), *(float(v) for v in (value[2 * k], error[2 * k], value[2 * k + 1], error[2 * k + 1])))
+        for k, c in enumerate(columns)
+    ]
+
+
+def corrected(protocol: Protocol, voltage_v: Array, electrode: int) -> Array:
+    """The scan (K,M) in volt with an electrode's columns mended, each quarter of the injections by the other ones."""
+    mended = voltage_v.copy()
+    predicted = without(protocol, voltage_v, electrode)
+    injection = np.arange(protocol.shape[0])
+    for fold in range(FOLDS):
+        out = injection % FOLDS == fold
+        for c in column_errors(protocol, voltage_v, electrode, injection[~out]):
+            wrong = c.gain * predicted[out, c.channel] + c.offset_v
+            mended[out, c.channel] -= wrong * protocol.taken[out, c.channel]
+    return mended
+
+
+def read_by(protocol: Protocol, electrode: int) -> Indices:
+    """Columns of the scan that read an electrode in more than half of the injections they are taken in."""
+    reads = (protocol.measurement[:, :, electrode] != 0).sum(axis=0)
+    return np.flatnonzero(reads > 0.5 * np.maximum(protocol.taken.sum(axis=0), 1))
+
+
+def without(protocol: Protocol, voltage_v: Array, electrode: int) -> Array:
+    """(K,M) readings in volt of the network that fits the scan with an electrode's potentials given up."""
+    network = protocol.orthonormal
+    pattern = np.linalg.qr(_patterns(protocol, electrode))[0]
+
+    def kept(value: Array) -> Array:
+        return np.asarray(value - pattern @ (pattern.T @ value))
+
+    return np.asarray(network @ np.linalg.lstsq(kept(network), kept(voltage_v.ravel()), rcond=1e-9)[0]).reshape(
+        protocol.shape
+    )
+
+
+def unexplained_v(protocol: Protocol, voltage_v: Array) -> Array:
+    """(K,M) what no network explains of a scan, in volt."""
+    network = protocol.orthonormal
+    reading = voltage_v.ravel()
+    return np.asarray(reading - network @ (network.T @ reading)).reshape(protocol.shape)
+
+
+def rms_v(protocol: Protocol, voltage_v: Array) -> float:
+    """Rms in volt of what no network explains, per degree of freedom."""
+    freedom = protocol.count - protocol.orthonormal.shape[1]
+    return float(np.sqrt((unexplained_v(protocol, voltage_v) ** 2).sum() / max(1, freedom)))
+
+
+def _unit_weights(protocol: Protocol, electrode: int) -> Array:
+    """(K,M) what an error of an electrode's potential does to the readings of each injection, of length one or none."""
+    weight = protocol.measurement[:, :, electrode]
+    return np.asarray(weight / np.maximum(np.linalg.norm(weight, axis=1), 1e-300)[:, None])
+
+
+def _patterns(protocol: Protocol, electrode: int) -> Array:
+    """(K*M, n) the same, a column per injection."""
+    weight = _unit_weights(protocol, electrode)
+    rows = np.flatnonzero(weight.any(axis=1))
+    pattern = np.zeros((*protocol.shape, len(rows)))
+    pattern[rows, :, np.arange(len(rows))] = weight[rows]
+    return pattern.reshape(-1, len(rows))
+
+
+def _rms_v(protocol: Protocol, known: Array, reading: Array) -> Array:
+    """(L,) rms of the readings along each electrode's patterns that the orthonormal columns ``known`` leave."""
+    left = (reading - known @ (known.T @ reading)).reshape(protocol.shape)
+    taken = known.reshape(*protocol.shape, -1)
+    rms = np.full(protocol.electrodes, np.nan)
+    for electrode in range(protocol.electrodes):
+        weight = _unit_weights(protocol, electrode)
+        along = np.matmul(weight[:, None, :], taken)
+        freedom = weight.any(axis=1).sum() - float((along**2).sum())
+        if freedom > 1:
+            rms[electrode] = np.sqrt(((weight * left).sum(axis=1) ** 2).sum() / freedom)
+    return rms
+
+
+def _with(known: Array, pattern: Array) -> Array:
+    """Orthonormal columns that span ``known`` and ``pattern``."""
+    new = pattern - known @ (known.T @ pattern)
+    vector, size, _ = np.linalg.svd(new, full_matrices=False)
+    return np.column_stack([known, vector[:, size > 1e-6]])
+
+
+def _chance(value: float, others: Array) -> float:
+    """Probability that any of n electrodes stands out from the others as ``value`` does from ``others``."""
+    log = np.log(np.maximum(others[np.isfinite(others)], 1e-300))
+    if len(log) < 4 or not value > 0:
+        return 1.0
+    spread = max(float(log.std(ddof=1)), 1e-12) * np.sqrt(1 + 1 / len(log))
+    return float(min(1.0, (len(log) + 1) * student.sf((np.log(value) - log.mean()) / spread, len(log) - 1)))

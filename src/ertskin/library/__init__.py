@@ -1,0 +1,1 @@
+"""What ``import ertskin`` offers beside the types: one function a file."""

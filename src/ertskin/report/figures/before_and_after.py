@@ -1,0 +1,31 @@
+"""Errors of networks before and after a change, one line for each metric."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from ertskin.report.figures.style import BLUE, FAINT, panels, styled
+
+Array = NDArray[np.float64]
+
+
+@styled
+def before_and_after(names: list[str], labels: list[str], values: Array) -> Figure:
+    """``values`` (n,2,m): of network, before or after, and metric, in the metric's own unit, NaN for none."""
+    figure, axes = panels(len(names), width=4.6, height=0.3 * len(labels) + 1.0)
+    place = np.arange(len(labels))[::-1]
+    for number, (axis, name) in enumerate(zip(axes, names, strict=True)):
+        before, after = values[number]
+        for y, low, high in zip(place, before, after, strict=True):
+            axis.plot([low, high], [y, y], lw=1.2, color=BLUE)
+        axis.plot(before, place, "o", ms=6, color=BLUE, fillstyle="none", label="without")
+        axis.plot(after, place, "o", ms=6, color=BLUE, label="with")
+        if np.nanmin(values[number]) > 0:
+            axis.set_xscale("log")
+        axis.set_yticks(place, labels if number == 0 else [""] * len(labels))
+        axis.grid(axis="y", color=FAINT, lw=0.4)
+        axis.set(title=name, xlabel="error, in the unit of its line")
+    axes[0].legend()
+    return figure

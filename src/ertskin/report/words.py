@@ -1,0 +1,21 @@
+"""Names of parameters and effects as a person reads them."""
+
+from __future__ import annotations
+
+SUFFIXES = ("_n_per_m", "_per_pa", "_per_k", "_pa", "_m", "_s", "_v", "_n", "_ohm", "_deg")
+"""Units at the end of a parameter's name; the number bears its own."""
+SCALED = {"m": (1e3, "mm"), "V": (1e3, "mV")}
+
+
+def words_of(name: str) -> str:
+    """A name as words, the unit at its end left out."""
+    for suffix in SUFFIXES:
+        name = name.removesuffix(suffix)
+    return name.replace("_", " ")
+
+
+def interval(value: float, low: float, high: float, unit: str) -> str:
+    """A value with its interval, in the unit people use."""
+    factor, shown = SCALED.get(unit, (1.0, "" if unit == "1" else unit))
+    numbers = (f"{factor * number:.3g}" for number in (value, low, high))
+    return "{} {unit} ({} to {})".format(*numbers, unit=shown).replace("  ", " ")

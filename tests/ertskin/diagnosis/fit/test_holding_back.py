@@ -1,0 +1,167 @@
+"""What only few presses tell can't run off, and what fits worse when solved in full doesn't enter."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from ertskin.diagnosis.contract.claims import FORM, estimate
+from ertskin.diagnosis.fit.full_solution_check import Standing
+from ertskin.diagnosis.fit.joint_fit import Solved, Term, held_out
+from ertskin.diagnosis.fit.levenberg_marquardt import Fit, Quadratic
+from ertskin.diagnosis.search import selection
+from ertskin.physics.conduction.mesh import MeshError
+from ertskin.physics.effects.piezo_hysteresis import PiezoHysteresis
+from ertskin.physics.effects.piezo_inhomogeneity import PiezoInhomogeneity
+
+
+def fitted(slopes: list[float], pulls: list[float]) -> Solved:
+    """A term's one number, at its best: how steeply and in which direction each cell pulls at it."""
+    slope, pull = np.array(slopes), np.array(pulls)
+    cost = 0.5 + 0.5 * pull**2
+    gradient, hessian = (slope * pull)[:, None], (slope**2)[:, None, None]
+    fit = Fit(np.array([0.1]), Quadratic(cost, gradient, hessian), np.zeros((1, 1)), 1)
+    return Solved(None, (Term(PiezoHysteresis(width=0.1), ("width",)),), fit, np.zeros((1, 1)))  # type: ignore[arg-type]
+
+
+def test_a_cell_that_others_tell_about_is_predicted_by_a_whole_newton_step() -> None:
+    found = held_out(fitted([1e4, 1e4, 1e4], [1.0, -2.0, 1.0]), [[0], [1], [2]])
+    # The mean of the others' pulls is where they would put the number.
+    assert found == pytest.approx([0.5 + 0.5 * 1.5**2, 0.5 + 0.5 * 3.0**2, 0.5 + 0.5 * 1.5**2])
+
+
+def test_a_term_that_only_one_cell_tells_is_away_in_what_the_others_predict_there() -> None:
+    found = held_out(fitted([1e3, 1e-3, 1e-3], [1.0, -1e6, 0.0]), [[0]])
+    # The loop's width is 0.1, and the cell pulls by 1 where it is.
+    assert found[0] == pytest.approx(0.5 + 0.5 * (1.0 + 1e3 * 0.1) ** 2)
+
+
+def test_a_term_that_one_cell_alone_wants_gains_nothing_held_out() -> None:
+    found = held_out(fitted([30.0, 1.0, 1.0], [1.0, -15.0, -15.0]), [[0], [1], [2]])
+    without = 0.5 + 0.5 * (1.0 + 30.0 * 0.1) ** 2
+    assert found[0] >= without
+
+
+def test_a_term_that_spoils_frames_solved_in_full_gives_way_to_the_next(monkeypatch: pytest.MonkeyPatch) -> None:
+    here, wild, tame = (Standing(None, None, misfit, 0.0) for misfit in (3.0, 9.0, 2.0))  # type: ignore[arg-type]
+    settle = {"wild": wild, "tame": tame}
+    monkeypatch.setattr(selection, "settled", lambda build, solved: settle[solved])
+    trials = [trial("wild", "one", 50.0), trial("tame", "other", 40.0)]
+    found = selection._first_to_hold(None, here, trials)  # type: ignore[arg-type]
+    assert found is not None
+    assert (found[0].solved, found[1]) == ("tame", tame)
+    assert selection._first_to_hold(None, here, trials[:1]) is None  # type: ignore[arg-type]
+
+
+def trial(solved: str, name: str, gain: float) -> selection.Trial:
+    return selection.Trial(SimpleNamespace(name=name), gain, solved)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(("gain", "best"), [(30.0, "second"), (20.0, "first")])
+def test_of_forms_that_gain_alike_the_one_that_fits_best_where_it_settles(
+    gain: float, best: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    here, first, second = (Standing(None, None, misfit, 0.0) for misfit in (3.0, 2.0, 1.5))  # type: ignore[arg-type]
+    settle = {"first": first, "second": second}
+    monkeypatch.setattr(selection, "settled", lambda build, solved: settle[solved])
+    trials = [trial("first", "spot", 50.0), trial("second", "spot", gain)]
+    found = selection._first_to_hold(None, here, trials)  # type: ignore[arg-type]
+    assert found is not None
+    assert found[1] is settle[best]
+    # A rival is short of what the effect gains in its best form.
+    assert found[0].gain == 50.0
+
+
+def test_a_form_that_gains_less_has_its_turn_where_the_best_spoils(monkeypatch: pytest.MonkeyPatch) -> None:
+    here, wild, tame = (Standing(None, None, misfit, 0.0) for misfit in (3.0, 9.0, 2.0))  # type: ignore[arg-type]
+    monkeypatch.setattr(selection, "settled", lambda build, solved: {"wild": wild, "tame": tame}[solved])
+    trials = [trial("wild", "spot", 100.0), trial("tame", "spot", 30.0)]
+    found = selection._first_to_hold(None, here, trials)  # type: ignore[arg-type]
+    assert found is not None
+    assert found[1] is tame
+
+
+def test_an_interval_is_no_narrower_than_forms_differ_and_keeps_to_the_range() -> None:
+    width = PiezoHysteresis.parameters()["width"]
+    assert estimate(0.1, 0.01, width).high == pytest.approx(0.1 + 0.01645)
+    assert estimate(0.1, 1e-9, width).low == pytest.approx(0.1 * (1 - FORM))
+    assert estimate(0.1, 1.0, width).low == width.low
+
+
+@pytest.mark.parametrize("error", [MeshError("a pad overlaps another"), np.linalg.LinAlgError()])
+def test_a_trial_that_settles_where_no_sheet_is_gives_way_too(error: Exception, monkeypatch: Any) -> None:
+    def settle(build: Any, solved: Any) -> Standing:
+        if solved == "nowhere":
+            raise error
+        return tame
+
+    here, tame = (Standing(None, None, misfit, 0.0) for misfit in (3.0, 2.0))  # type: ignore[arg-type]
+    monkeypatch.setattr(selection, "settled", settle)
+    trials = [trial("nowhere", "one", 50.0), trial("there", "other", 40.0)]
+    found = selection._first_to_hold(None, here, trials)  # type: ignore[arg-type]
+    assert found is not None
+    assert (found[0].solved, found[1]) == ("there", tame)
+
+
+def test_a_term_nearer_to_nought_keeps_its_place_and_loses_its_size() -> None:
+    field = ((0.1, 0.2), (0.3, 0.4))
+    effect = PiezoInhomogeneity(amplitude=0.4, x_m=0.05, gradient_x=-0.2, nodes=field)
+    nearer = Term(effect, ("amplitude", "x_m", "gradient_x")).nearer(0.5).effect
+    assert nearer == PiezoInhomogeneity(amplitude=0.2, x_m=0.05, gradient_x=-0.1, nodes=((0.05, 0.1), (0.15, 0.2)))
+
+
+@pytest.mark.parametrize(
+    ("costs", "tried", "chosen"), [([9.0], 1, 9.0), ([50.0, 8.0], 2, 8.0), ([50.0, 40.0, 30.0], 3, 30.0)]
+)
+def test_a_fit_that_does_not_come_back_is_begun_from_nearer(costs: list[float], tried: int, chosen: float) -> None:
+    widths: list[float] = []
+
+    def solve(terms: list[Term], calibration: Any, steps: int, leftover: bool) -> Any:
+        widths.append(terms[-1].effect.width)  # type: ignore[attr-defined]
+        return SimpleNamespace(cost=costs[len(widths) - 1])
+
+    problem: Any = SimpleNamespace(solve=solve)
+    current: Any = SimpleNamespace(terms=(), calibration=None, cost=10.0)
+    found = selection._beside(problem, current, Term(PiezoHysteresis(width=0.2), ("width",)), leftover=False)
+    assert found.cost == chosen
+    assert widths == pytest.approx([0.2 * share for share in selection.SHARES[:tried]])
+
+
+def test_a_drift_must_show_where_nothing_presses() -> None:
+    rest = np.array([True, True, False, False])
+    problem: Any = SimpleNamespace(evidence=SimpleNamespace(rest=rest), weight=np.ones(4))
+
+    def residual(resting: float, pressed: float) -> Any:
+        return SimpleNamespace(scan_residual=np.where(rest, resting, pressed)[:, None] * np.ones((4, 20)))
+
+    before = residual(2.0, 5.0)
+    assert selection._shown_at_rest(problem, before, residual(1.0, 5.0))
+    assert not selection._shown_at_rest(problem, before, residual(2.0, 1.0))
+
+
+@pytest.mark.parametrize(("first", "further"), [(-5.0, 95.0), (40.0, 40.0)])
+def test_the_candidate_that_fits_best_is_fitted_to_its_end_where_it_predicts_worse(
+    first: float, further: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fit(term: Term, cost: float, gain: float) -> Any:
+        return SimpleNamespace(terms=(term,), calibration=None, cost=cost, gain=gain)
+
+    loop, spot = Term(PiezoHysteresis(width=0.1), ("width",)), Term(PiezoInhomogeneity(amplitude=0.1), ("amplitude",))
+    begun = {loop.name: fit(loop, 3.0, first), spot.name: fit(spot, 70.0, 20.0)}
+    problem: Any = SimpleNamespace(reuse=False, solve=lambda terms, start, leftover: fit(terms[0], 3.0, 95.0))
+    monkeypatch.setattr(selection, "_beside", lambda problem, current, term, leftover: begun[term.name])
+    monkeypatch.setattr(selection, "held_out", lambda solved, partitions: np.array([100.0 - solved.gain]))
+    monkeypatch.setattr(selection, "_of_frames", lambda solved: solved.cost)
+    candidates: Any = [SimpleNamespace(term=term, gain=0.0) for term in (loop, spot)]
+    found = selection._try(problem, fit(loop, 100.0, 0.0), candidates, [], 100.0)
+    assert [t.gain for t in found] == [further, 20.0]
+
+
+def test_what_is_material_of_the_scans_does_not_hang_on_what_no_network_explains() -> None:
+    fit = Fit(np.zeros(1), Quadratic(np.array([9e5, 0.0]), np.zeros((2, 1)), np.zeros((2, 1, 1))), np.zeros((1, 1)), 1)
+    solved = Solved(None, (), fit, np.full((100, 10), 1.2))  # type: ignore[arg-type]
+    least = selection.material_cost(1000, selection._of_scans(solved))
+    assert least == pytest.approx(0.5 * 1000 * (1.03**2 - 1) * 1.2)

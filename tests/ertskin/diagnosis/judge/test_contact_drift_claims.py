@@ -1,0 +1,49 @@
+"""Contacts that wander are claimed for what they do together, the largest first."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from ertskin.diagnosis.judge.contact_drift_claims import MATERIAL, SURE, drift_claims
+from ertskin.physics.effects.contact_drift import ContactDrift
+
+FRAMES, PAIRS, ELECTRODES = 6, 40, 4
+
+
+def selection(sizes: list[float]) -> Any:
+    """Electrode k off by ``sizes[k]`` of the noise in pairs of its own, half of the time up, half of it down."""
+    time_s = np.arange(FRAMES, dtype=float)
+    column = np.zeros((FRAMES, PAIRS, ELECTRODES))
+    for k in range(ELECTRODES):
+        column[:, k::ELECTRODES, k] = np.sqrt(ELECTRODES)
+    path = tuple(np.resize([1.0, -1.0], FRAMES).tolist())
+    drifts = [ContactDrift(k, tuple(time_s.tolist()), tuple(size * p for p in path)) for k, size in enumerate(sizes)]
+    problem = SimpleNamespace(
+        contact_columns=lambda skin: column,
+        family=SimpleNamespace(skin=lambda calibration, effects: None),
+        evidence=SimpleNamespace(history=SimpleNamespace(time_s=time_s)),
+        weight=np.ones(FRAMES),
+    )
+    solved = SimpleNamespace(effects=drifts, calibration=SimpleNamespace(contact_ohm=np.ones(ELECTRODES)))
+    return SimpleNamespace(after=solved, problem=problem)
+
+
+def claimed(sizes: list[float]) -> list[int]:
+    return [claim.effect.electrode for claim in drift_claims(selection(sizes))]  # type: ignore[attr-defined]
+
+
+def test_small_ones_are_claimed_where_together_they_matter() -> None:
+    alone = 0.9 * np.sqrt(MATERIAL**2 - 1)
+    assert claimed([alone]) == []
+    assert claimed([alone] * 4) == [0, 1, 2]
+
+
+def test_the_largest_comes_first_and_what_is_left_is_not_claimed() -> None:
+    assert claimed([0.01, 1.0, 0.5, 0.02]) == [1, 2]
+    first = drift_claims(selection([0.01, 1.0]))[0]
+    assert first.confidence == SURE
+    assert first.ratio_alone == pytest.approx(np.sqrt(2.0), rel=1e-3)

@@ -1,0 +1,145 @@
+"""The linearised skin follows the skin solved in full for every effect there is, and for one that is new."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+from small_skin import SMALL, small_law, small_sensor
+
+from ertskin.diagnosis.fit.nonreciprocal import AcquisitionSignal
+from ertskin.diagnosis.linear.linear_skin import LinearSkin
+from ertskin.diagnosis.recording.evidence import Evidence
+from ertskin.physics.effects.contact_drift import ContactDrift
+from ertskin.physics.effects.effect import Effect, SheetEffect, shown_by
+from ertskin.physics.effects.hypothesis import Measured, Signal
+from ertskin.physics.effects.registry import effect_classes
+from ertskin.physics.history import History, Phase
+from ertskin.physics.protocol import Protocol, electrode_pairs
+from ertskin.physics.skin import Skin
+
+PAIRS = electrode_pairs(6)
+SCAN = Protocol.against_sink(PAIRS, 6, 1e-4, injection_offset_s=np.linspace(0.0, 0.4, len(PAIRS)))
+NOISE_V = 2e-3
+EXAMPLES = 2
+"""Starts of an effect that are looked at, in either form."""
+WITHIN = 0.2
+"""Of the largest change: a spot is no wider than the grid on which the sheet is resolved, pads shift by their rim."""
+
+
+@pytest.fixture(scope="module")
+def skin() -> Skin:
+    return Skin.build(small_sensor(), SCAN, small_law(), np.linspace(200.0, 900.0, 6), 9000.0, (), SMALL)
+
+
+@pytest.fixture(scope="module")
+def history() -> History:
+    """Two presses to 2 mm and back, frames at rest about them."""
+    depth_m = np.array([np.nan, 1e-3, 2e-3, 1e-3] * 2 + [np.nan])
+    phase = [Phase.REST, Phase.LOADING, Phase.LOADING, Phase.UNLOADING] * 2 + [Phase.REST]
+    press = np.repeat([0, 1, 2], [4, 4, 1])
+    place = np.array([[0.012, 0.01], [0.03, 0.04], [np.nan, np.nan]])[press]
+    contact_m = np.where(np.isfinite(depth_m)[:, None], place, np.nan)[:, None]
+    nowhere = np.full((len(press), 1), np.nan)
+    return History(5.0 * np.arange(9), press, np.array(phase, dtype=np.uint8), contact_m, depth_m[:, None], nowhere)
+
+
+@pytest.fixture(scope="module")
+def linear(skin: Skin, history: History) -> LinearSkin:
+    return LinearSkin(skin, history, np.nan_to_num(skin.force_n(history)), np.arange(len(history)), None)
+
+
+def examples(kind: type[Effect]) -> list[Effect]:
+    """Some of the places where its fits begin, with what is screened at its typical size."""
+    if kind.hypothesis.measured == Measured.CONTACT_PATH:
+        return [ContactDrift(2, (0.0, 40.0), (0.0, 20.0))]
+    starts = [*kind.reading_starts(small_sensor(), SCAN), *kind.force_starts()]
+    known = kind.parameters()
+    return [s.effect.changed({key: known[key].typical for key in s.along}) for s in starts[:EXAMPLES]]
+
+
+def evidence_of(skin: Skin, history: History) -> Evidence:
+    frames, (readings, pairs) = len(history), SCAN.orthonormal.shape
+    return Evidence(
+        sensor=skin.sensor,
+        protocol=SCAN,
+        history=history,
+        scan_v=np.zeros((frames, pairs)),
+        leftover_v=np.zeros((frames, *SCAN.shape), dtype=np.float32),
+        noise_v=NOISE_V,
+        leftover_noise_v=NOISE_V,
+        air_n=float("nan"),
+        saturated_v=None,
+        stray=np.zeros((pairs, 0)),
+        traces=np.zeros((frames, pairs, 0)),
+        leftover_share=1 - pairs / readings,
+        repeats=np.zeros(SCAN.shape[1], dtype=np.intp),
+    )
+
+
+def held(skin: Skin, linear: LinearSkin, effect: Effect, within: float) -> None:
+    """Scans and what no network explains change as the full skin's do, to ``within`` of the largest change."""
+    protocol = skin.protocol
+    changed = replace(skin, effects=(effect,))
+    whole = Skin.build(
+        skin.sensor, protocol, skin.piezo, skin.contact_resistance_ohm, skin.support_n_per_m, (effect,), SMALL
+    )
+    force_n = np.nan_to_num(whole.force_n(linear.history)) if shown_by(effect, Signal.FORCE) else linear.force_n
+    before = skin.readings_v(linear.history, force_n).reshape(len(linear.history), -1)
+    after = whole.readings_v(linear.history, force_n).reshape(len(linear.history), -1)
+    known = replace(evidence_of(skin, linear.history), protocol=protocol)
+    signal = AcquisitionSignal(known, linear, np.arange(len(linear.history)))
+    if force_n is linear.force_n:
+        seen = signal.scans(changed) - signal.scans(skin)
+    else:
+        seen = linear.scans(changed, force_n) - linear.scans(skin, force_n)
+    change = (after - before) @ protocol.orthonormal
+    beyond = (after - before) - change @ protocol.orthonormal.T
+    largest = max(np.abs(change).max(), np.abs(beyond).max())
+    assert largest > 0 or shown_by(effect, Signal.FORCE)
+    np.testing.assert_allclose(seen, change, atol=within * largest + 1e-9)
+    if shown_by(effect, Signal.NONRECIPROCAL):
+        np.testing.assert_allclose(signal.leftover(changed), beyond, atol=within * largest + 1e-9)
+
+
+@pytest.mark.parametrize(
+    "effect",
+    [e for kind in effect_classes().values() for e in examples(kind)],
+    ids=lambda e: e.name,
+)
+def test_an_effect_changes_both_alike(skin: Skin, linear: LinearSkin, effect: Effect) -> None:
+    held(skin, linear, effect, WITHIN)
+
+
+def test_every_effect_that_is_searched_for_was_looked_at() -> None:
+    unseen = [kind for kind in effect_classes().values() if not examples(kind)]
+    assert [kind.hypothesis.measured for kind in unseen] == [Measured.READING_LIMIT]
+
+
+@dataclass(frozen=True)
+class Grain(SheetEffect):
+    """A new effect of the sheet: one half of it conducts better along x, and less in all."""
+
+    def conductivity_s(self, conductivity_s: np.ndarray, position_m: np.ndarray, extent_m: np.ndarray) -> np.ndarray:
+        middle, span = extent_m.mean(axis=0), extent_m[1] - extent_m[0]
+        share = 0.5 + 0.5 * np.tanh(4 * ((position_m - middle) / span)[:, 0])
+        tensor = np.stack([np.exp(0.04 * share), 0.01 * share, np.exp(-0.06 * share)], axis=1)
+        return conductivity_s[..., None] * tensor
+
+
+def test_a_new_effect_of_the_sheet_needs_no_word_outside_its_file(skin: Skin, linear: LinearSkin) -> None:
+    grain = replace(skin, effects=(Grain(),))
+    full = grain.readings_v(linear.history, linear.force_n) - skin.readings_v(linear.history, linear.force_n)
+    change = full.reshape(len(full), -1) @ SCAN.orthonormal
+    seen = linear.scans(grain) - linear.scans(skin)
+    np.testing.assert_allclose(seen, change, atol=0.1 * np.abs(change).max())
+
+
+def test_about_a_sheet_with_grain_it_is_the_skin_too(skin: Skin, history: History) -> None:
+    grain = replace(skin, effects=(Grain(),))
+    force_n = np.nan_to_num(grain.force_n(history))
+    linear = LinearSkin(grain, history, force_n, np.arange(len(history)), None)
+    full = grain.readings_v(history, force_n)
+    scans = full.reshape(len(full), -1) @ SCAN.orthonormal
+    np.testing.assert_allclose(linear.scans(grain), scans, atol=5e-3 * np.ptp(scans, axis=0).max())

@@ -1,0 +1,148 @@
+"""What a recording says of its instrument: noise, bent converters, channels that are wrong as a whole."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from ertskin.diagnosis.recording.evidence import (
+    _bent_at_top,
+    _bent_from,
+    _channels_restored,
+    _freedom,
+    _leftover_noise_v,
+    _presses_restored,
+    _saturation,
+)
+from ertskin.physics.protocol import Protocol, electrode_pairs
+from ertskin.physics.spikes import despiked
+
+NOISE_V = 2e-3
+FRAMES = 8
+
+
+def readings(protocol: Protocol, seed: int) -> np.ndarray:
+    """(T,K,M) noisy readings of a resistor network that changes a little from frame to frame."""
+    rng = np.random.default_rng(seed)
+    pairs = 3e4 * (1 + rng.random(protocol.electrodes * (protocol.electrodes - 1) // 2))
+    clean = protocol.readings(pairs * (1 + 0.01 * rng.random((FRAMES, len(pairs)))))
+    return clean + NOISE_V * rng.standard_normal(clean.shape)
+
+
+def split(protocol: Protocol, voltage: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Scans, fitted readings and spikes as the diagnosis sees them."""
+    scan, spike = _channels_restored(protocol, voltage, *despiked(protocol, voltage))
+    return scan, (scan @ protocol.orthonormal.T).reshape(voltage.shape), spike
+
+
+@pytest.fixture(scope="module")
+def protocol() -> Protocol:
+    return Protocol.against_sink(electrode_pairs(24), 24, 1e-4)
+
+
+def test_a_standing_error_is_no_noise(protocol: Protocol) -> None:
+    voltage = readings(protocol, 1)
+    voltage[..., 5] *= 1.02
+    _, fitted, spike = split(protocol, voltage)
+    leftover = np.where(spike, 0.0, voltage - fitted)
+    assert np.sqrt((leftover**2).mean()) > 1.5 * NOISE_V
+    assert _leftover_noise_v(leftover, spike, np.ones(FRAMES, dtype=bool)) == pytest.approx(NOISE_V, rel=0.05)
+
+
+def test_a_channel_that_is_wrong_as_a_whole_is_no_spike(protocol: Protocol) -> None:
+    voltage = readings(protocol, 2)
+    voltage[..., 5] *= 1.05
+    assert despiked(protocol, voltage)[1][..., 5].mean() > 0.05
+    assert split(protocol, voltage)[2][..., 5].mean() == 0.0
+
+
+def test_single_spikes_stay_spikes(protocol: Protocol) -> None:
+    voltage = readings(protocol, 3)
+    voltage[2, 100, 7] += 1.0
+    spike = split(protocol, voltage)[2]
+    assert spike[2, 100, 7]
+    assert spike.sum() < 5
+
+
+def test_a_converter_that_bends_is_seen_and_a_straight_one_is_not(protocol: Protocol) -> None:
+    voltage = readings(protocol, 4)
+    _, fitted, spike = split(protocol, voltage)
+    assert not _bent_at_top(voltage, fitted, spike)
+    knee = np.quantile(voltage, 0.9995)
+    bent = np.where(voltage > knee, knee + 0.2 * (voltage - knee), voltage)
+    _, fitted, spike = split(protocol, bent)
+    assert _bent_at_top(bent, fitted, spike)
+
+
+def test_what_only_presses_show_is_no_spike(protocol: Protocol) -> None:
+    voltage = readings(protocol, 3)
+    rest = np.arange(FRAMES) < 3
+    moving = np.linspace(0, 1, voltage.shape[1])[:, None] ** 4 * 60 * NOISE_V
+    voltage[~rest] += moving
+    scan, spike = despiked(protocol, voltage)
+    assert spike[~rest].mean() > 2e-3
+    assert not _presses_restored(protocol, voltage, scan, spike, rest)[1].any()
+    anywhere = readings(protocol, 4)
+    anywhere[np.random.default_rng(4).random(anywhere.shape) < 0.01] += 1.0
+    scan, spike = despiked(protocol, anywhere)
+    assert np.array_equal(_presses_restored(protocol, anywhere, scan, spike, rest)[1], spike)
+
+
+def test_a_moving_press_is_no_spike_on_a_converter_that_bends_either(protocol: Protocol) -> None:
+    voltage = readings(protocol, 3)
+    rest = np.arange(FRAMES) < 3
+    knee = float(np.quantile(voltage, 0.9995))
+    moving = np.linspace(0, 1, voltage.shape[1])[:, None] ** 4 * 60 * NOISE_V
+    voltage[~rest] += moving
+    bent = np.where(voltage > knee, knee + 0.2 * (voltage - knee), voltage)
+    scan, spike = despiked(protocol, bent)
+    fitted = (scan @ protocol.orthonormal.T).reshape(bent.shape)
+    from_v = _bent_from(fitted[rest], spike[rest])
+    assert knee < from_v < knee + 20 * NOISE_V
+    _, left_out = _presses_restored(protocol, np.where(fitted < from_v, bent, np.nan), scan, spike, rest)
+    assert np.array_equal(left_out[~rest], fitted[~rest] >= from_v)
+
+
+def test_a_channel_of_low_gain_is_no_bent_converter(protocol: Protocol) -> None:
+    voltage = readings(protocol, 7)
+    largest = int(voltage.max(axis=(0, 1)).argsort()[-2])
+    voltage[..., largest] *= 0.9975
+    scan, spike = despiked(protocol, voltage)
+    fitted = (scan @ protocol.orthonormal.T).reshape(voltage.shape)
+    top = fitted > np.quantile(fitted, 1 - 3e-3)
+    assert spike[top].mean() > 0.01
+    assert spike[top].mean() > 20 * spike.mean()
+    assert not _bent_at_top(voltage, fitted, spike)
+
+
+def test_where_rest_frames_are_straight_nothing_bent_is_put_back(protocol: Protocol) -> None:
+    voltage = readings(protocol, 3)
+    rest = np.arange(FRAMES) < 3
+    voltage[rest] *= 0.9
+    knee = float(np.quantile(voltage, 0.9995))
+    bent = np.where(voltage > knee, knee + 0.2 * (voltage - knee), voltage)
+    scan, spike = despiked(protocol, bent)
+    fitted = (scan @ protocol.orthonormal.T).reshape(bent.shape)
+    assert _bent_at_top(bent, fitted, spike)
+    assert _bent_from(fitted[rest], spike[rest]) == np.inf
+
+
+def test_a_dead_channel_leaves_the_noise_as_it_is(protocol: Protocol) -> None:
+    voltage = readings(protocol, 5)
+    voltage[..., 7] = np.nan
+    _, fitted, spike = split(protocol, voltage)
+    assert spike[..., 7].all()
+    freedom = _freedom(protocol, np.isfinite(voltage).all(axis=0))
+    leftover = np.where(spike, 0.0, voltage - fitted) / np.sqrt(np.maximum(freedom, 0.05))
+    assert _leftover_noise_v(leftover, spike, np.ones(FRAMES, dtype=bool)) == pytest.approx(NOISE_V, rel=0.02)
+
+
+def test_a_coarse_converter_that_names_no_step_is_not_saturated(protocol: Protocol) -> None:
+    step_v = 5 * NOISE_V
+    coarse = step_v * np.round(readings(protocol, 6) / step_v)
+    assert (coarse == coarse.max()).sum() > 1
+    repeated = np.repeat(coarse, 30, axis=0)
+    assert _saturation(repeated, protocol) is None
+    # Plainly at its limit: where it is coarse, a few steps below the top hold many readings, too.
+    limit = float(np.quantile(repeated, 0.3))
+    assert _saturation(np.minimum(repeated, limit), protocol) == limit

@@ -1,0 +1,55 @@
+"""Which frames are fitted and which are kept for the proof."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from ertskin.diagnosis.recording.evidence import CannotTell
+from ertskin.diagnosis.recording.split import fitted_and_held
+from ertskin.physics.history import History
+
+PRESSES, FRAMES = 6, 5
+
+
+def evidence(presses: int = PRESSES) -> Any:
+    """Presses of one rest frame and four with a contact whose depth is known."""
+    count = presses * FRAMES
+    air = np.arange(count) % FRAMES == 0
+    history = History(
+        time_s=np.arange(count, dtype=float),
+        phase=np.where(air, 0, 1).astype(np.uint8),
+        press=np.repeat(np.arange(presses), FRAMES),
+        contact_m=np.where(air[:, None, None], np.nan, 0.05),
+        depth_m=np.where(air, np.nan, 1e-3)[:, None],
+        force_n=np.full((count, 1), np.nan),
+    )
+    return SimpleNamespace(history=history, scan_v=np.zeros((count, 3)), rest=air)
+
+
+def test_whole_presses_are_held_out_and_only_their_pressed_frames_are_judged_on() -> None:
+    seen = evidence()
+    fitted, held = fitted_and_held(seen)
+    press = seen.history.press
+    assert len(np.unique(press[held])) == PRESSES // 3
+    assert not np.isin(press[fitted], press[held]).any()
+    assert not seen.rest[held].any()
+    assert seen.rest[fitted].sum() == PRESSES - PRESSES // 3
+    assert len(fitted) + len(held) == PRESSES * FRAMES - PRESSES // 3
+
+
+def test_a_press_with_neither_force_nor_depth_is_not_used() -> None:
+    seen = evidence()
+    lost = seen.history.press == 2
+    seen.history.depth_m[lost] = np.nan
+    fitted, held = fitted_and_held(seen)
+    used = np.concatenate([fitted, held])
+    assert seen.rest[used[lost[used]]].all()
+
+
+def test_two_presses_leave_nothing_to_predict() -> None:
+    with pytest.raises(CannotTell, match="2 presses"):
+        fitted_and_held(evidence(2))

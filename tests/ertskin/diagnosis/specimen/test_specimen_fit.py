@@ -1,0 +1,53 @@
+"""The specimen alone: effects put into a loop of known stress are found again, and none where there is none."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from ertskin.diagnosis.specimen.fit import SpecimenTest, specimen_findings
+from ertskin.physics.effects.effect import PiezoEffect
+from ertskin.physics.effects.piezo_creep import PiezoCreep
+from ertskin.physics.effects.piezo_hysteresis import PiezoHysteresis
+
+NOISE = 0.003
+
+
+def specimen(effects: tuple[PiezoEffect, ...], seed: int) -> SpecimenTest:
+    """Three triangles of stress up to 60 kPa with a hold on top, in steps of half a second."""
+    cycle = np.concatenate([np.linspace(0, 6e4, 40), np.full(30, 6e4), np.linspace(6e4, 0, 40), np.zeros(20)])
+    stress = np.tile(cycle, 3)
+    time_s = 0.5 * np.arange(len(stress))
+    pressure = stress[:, None]
+    for effect in effects:
+        pressure = effect.effective_pressure_pa(pressure, np.zeros((1, 2)), time_s, np.zeros((2, 2)))
+    resistance = 2e4 * (0.2 + 0.8 * np.exp(-pressure[:, 0] / 2e4))
+    noise = np.random.default_rng(seed).standard_normal(len(stress))
+    return SpecimenTest(stress, resistance * (1 + NOISE * noise), time_s)
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_a_clean_specimen_shows_nothing(seed: int) -> None:
+    findings, noise = specimen_findings(specimen((), seed))
+    assert findings == []
+    assert noise == pytest.approx(NOISE, rel=0.15)
+
+
+def test_hysteresis_is_told_from_creep() -> None:
+    findings, noise = specimen_findings(specimen((PiezoHysteresis(width=0.06),), 1))
+    assert [f.effect.name for f in findings] == ["piezo_hysteresis"]
+    assert findings[0].effect.values()["width"] == pytest.approx(0.06, rel=0.05)
+    assert min(rival.short for rival in findings[0].rivals) > 50
+    assert noise == pytest.approx(NOISE, rel=0.15)
+
+
+def test_creep_is_told_from_hysteresis() -> None:
+    findings, _ = specimen_findings(specimen((PiezoCreep(fraction=0.2, time_s=6.0),), 2))
+    assert [f.effect.name for f in findings] == ["piezo_creep"]
+    assert findings[0].effect.values()["time_s"] == pytest.approx(6.0, rel=0.1)
+
+
+def test_both_at_once() -> None:
+    findings, noise = specimen_findings(specimen((PiezoHysteresis(width=0.08), PiezoCreep(0.1, 8.0)), 3))
+    assert {f.effect.name for f in findings} == {"piezo_hysteresis", "piezo_creep"}
+    assert noise == pytest.approx(NOISE, rel=0.15)
