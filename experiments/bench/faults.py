@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from hardware.virtual.fault_trial import (
+from ertskin.hardware.virtual.fault_trial import (
     LOAD_CELLS,
     READERS,
     STAGES,

@@ -15,11 +15,11 @@ from pathlib import Path
 
 import numpy as np
 
-from hardware.experiment import Experiment
-from hardware.plan import Plan, Press, ramp
-from hardware.recorder import Recorder, next_press, part_of
-from hardware.recording import Recording, read_recording
-from hardware.virtual.fault_trial import small_bench
+from ertskin.hardware.experiment import Experiment
+from ertskin.hardware.plan import Plan, Press, ramp
+from ertskin.hardware.recorder import Recorder, next_press, part_of
+from ertskin.hardware.recording import Recording, read_recording
+from ertskin.hardware.virtual.fault_trial import small_bench
 
 PLAN = Plan("killed", (Press(((0.03, 0.03),), ramp(1e-3, 1e-4), rest_s=0.5),) * 200)
 

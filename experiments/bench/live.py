@@ -18,14 +18,14 @@ from typing import Any
 import numpy as np
 import torch
 
+from ertskin.hardware.ert_readers.frame import Frame, FrameParser, Type, encode, scan_of, scan_payload
+from ertskin.hardware.instrument import Scan
+from ertskin.hardware.recording import read_recording
 from ertskin.live.export import export_onnx
 from ertskin.live.predictor import Predictor
 from ertskin.live.session import Session
 from ertskin.models.reconstruction import Reconstruction
-from hardware.ert_readers.frame import Frame, FrameParser, Type, encode, scan_of, scan_payload
-from hardware.instrument import Scan
-from hardware.recording import read_recording
-from physics.history import Phase
+from ertskin.physics.history import Phase
 
 FRAMES, COLD_FRAMES, FIRST = 5000, 1000, 50
 PERCENTILES = (50, 99, 99.9)

@@ -21,8 +21,8 @@ from ertskin.cluster.dask import DaskCluster
 from ertskin.data.shards import MANIFEST
 from ertskin.data.skin_forward import SkinForward
 from ertskin.data.synthesis import Plan, synthesize
-from hardware.virtual.bench.nominal import nominal_sensor
-from physics.piezo.polynomial import PiezoPolynomial
+from ertskin.hardware.virtual.bench.nominal import nominal_sensor
+from ertskin.physics.piezo.polynomial import PiezoPolynomial
 
 CLUSTERS = {
     "one process": LocalCluster(1),

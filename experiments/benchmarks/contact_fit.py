@@ -11,8 +11,8 @@ from sheets import padded_sheet
 from stopwatch import Stopwatch
 from trials import NOISE_V, PROTOCOL
 
-from physics.calibration.contact_resistance import ContactProblem, direct_search, gauss_newton
-from physics.conduction.sheet import SheetModel
+from ertskin.physics.calibration.contact_resistance import ContactProblem, direct_search, gauss_newton
+from ertskin.physics.conduction.sheet import SheetModel
 
 Result = TypeVar("Result")
 GUESS_OHM = 300.0

@@ -6,9 +6,9 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.linalg import splu
 
-from physics.conduction.mesh import SheetMesh
-from physics.conduction.sheet import SheetModel
-from physics.protocol import Protocol, electrode_pairs, pair_resistances
+from ertskin.physics.conduction.mesh import SheetMesh
+from ertskin.physics.conduction.sheet import SheetModel
+from ertskin.physics.protocol import Protocol, electrode_pairs, pair_resistances
 
 Array = np.ndarray
 

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from physics.conduction.mesh import Grading, SheetMesh, mesh_sheet
-from physics.sensor import Sensor, rectangle_m
+from ertskin.physics.conduction.mesh import Grading, SheetMesh, mesh_sheet
+from ertskin.physics.sensor import Sensor, rectangle_m
 
 RADIUS_M = 0.1
 CELL_M = {2_500: 3.8e-3, 10_000: 1.8e-3, 40_000: 9.0e-4}

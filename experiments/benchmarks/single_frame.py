@@ -7,7 +7,7 @@ from contestants import FactorOnce, Ours, PointSciPy, PyEIT
 from sheets import CELL_M, middle_nodes, random_conductivity, tank_mesh
 from stopwatch import paired_seconds, summary
 
-from physics.protocol import Protocol, electrode_pairs
+from ertskin.physics.protocol import Protocol, electrode_pairs
 
 AGREEMENT = 1e-9
 

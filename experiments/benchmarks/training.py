@@ -22,11 +22,11 @@ from ertskin.data.trials import TrialSet
 from ertskin.models.denoiser import Denoiser
 from ertskin.models.masked import MaskedNetwork
 from ertskin.models.network import Network
+from ertskin.physics.noise.white import WhiteNoise
+from ertskin.physics.protocol import Protocol, electrode_pairs
 from ertskin.training.fit import fit
 from ertskin.training.reconstruct import train_reconstruction
 from ertskin.training.settings import TrainerSettings
-from physics.noise.white import WhiteNoise
-from physics.protocol import Protocol, electrode_pairs
 
 PROTOCOL = Protocol.against_sink(electrode_pairs(24), 24, 1e-4)
 NOISE = WhiteNoise(PROTOCOL, trials.NOISE_V)

@@ -13,10 +13,10 @@ from sheets import IndenterPressure, SaturatingLaw, padded_sheet
 from single_frame import agree
 from stopwatch import Stopwatch
 
-from physics.conduction.pressed_sheet import PressedSheet
-from physics.conduction.sheet import SheetModel
-from physics.conduction.trials import TrialSolver
-from physics.protocol import Protocol, electrode_pairs
+from ertskin.physics.conduction.pressed_sheet import PressedSheet
+from ertskin.physics.conduction.sheet import SheetModel
+from ertskin.physics.conduction.trials import TrialSolver
+from ertskin.physics.protocol import Protocol, electrode_pairs
 
 NOISE_V = 2e-3
 PRESSURE, LAW = IndenterPressure(), SaturatingLaw()

@@ -19,9 +19,9 @@ from pathlib import Path  # noqa: E402
 import numpy as np  # noqa: E402
 from stopwatch import Stopwatch  # noqa: E402
 
-from physics.conduction.mesh import Grading  # noqa: E402
-from physics.conduction.sheet import Resolution, SheetModel  # noqa: E402
-from physics.sensor import Sensor, rectangle_m  # noqa: E402
+from ertskin.physics.conduction.mesh import Grading  # noqa: E402
+from ertskin.physics.conduction.sheet import Resolution, SheetModel  # noqa: E402
+from ertskin.physics.sensor import Sensor, rectangle_m  # noqa: E402
 
 PITCH_M = 0.022
 SIDES = (5, 8, 11, 16, 23, 32)

@@ -11,9 +11,9 @@ for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
 
 import numpy as np  # noqa: E402
 
-from hardware.virtual.bench import FAST, FINE, FINEST, Bench, draw_truth  # noqa: E402
-from hardware.virtual.bench.nominal import nominal_protocol, nominal_sensor  # noqa: E402
-from hardware.virtual.bench.plans import presses  # noqa: E402
+from ertskin.hardware.virtual.bench import FAST, FINE, FINEST, Bench, draw_truth  # noqa: E402
+from ertskin.hardware.virtual.bench.nominal import nominal_protocol, nominal_sensor  # noqa: E402
+from ertskin.hardware.virtual.bench.plans import presses  # noqa: E402
 
 NOISE_V = 2e-3
 TAXELS = (0, 8, 14)

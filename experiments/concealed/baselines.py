@@ -28,9 +28,9 @@ from ertskin.data.baseline import rest_weights  # noqa: E402
 from ertskin.data.skin_forward import SkinForward  # noqa: E402
 from ertskin.data.touches import touches_of  # noqa: E402
 from ertskin.diagnosis.any_recording import diagnose_any  # noqa: E402
-from ertskin.diagnosis.written import finite  # noqa: E402
-from hardware.recording import read_recording  # noqa: E402
-from physics.history import History, Phase  # noqa: E402
+from ertskin.diagnosis.output.diagnosis_file import finite  # noqa: E402
+from ertskin.hardware.recording import read_recording  # noqa: E402
+from ertskin.physics.history import History, Phase  # noqa: E402
 
 Array = NDArray[np.float64]
 MATERIAL = 1.05

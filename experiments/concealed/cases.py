@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from hardware.virtual.bench import EFFECTS, Noise
+from ertskin.hardware.virtual.bench import EFFECTS, Noise
 
 LISTED = tuple(name for name, effect in EFFECTS.items() if effect.listed)
 UNLISTED = tuple(name for name, effect in EFFECTS.items() if not effect.listed)

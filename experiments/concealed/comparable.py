@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from hardware.virtual.bench import Truth
+from ertskin.hardware.virtual.bench import Truth
 
 
 def parameters(truth: Truth, name: str) -> dict[str, float]:

@@ -20,11 +20,11 @@ for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
 
 from cases import Case, suite  # noqa: E402
 
-from hardware.recording import write_recording  # noqa: E402
-from hardware.virtual.bench import Bench, draw_truth  # noqa: E402
-from hardware.virtual.bench.sealing import seal  # noqa: E402
-from hardware.virtual.bench.strength import Ruler  # noqa: E402
-from physics.sensor import Sensor  # noqa: E402
+from ertskin.hardware.recording import write_recording  # noqa: E402
+from ertskin.hardware.virtual.bench import Bench, draw_truth  # noqa: E402
+from ertskin.hardware.virtual.bench.sealing import seal  # noqa: E402
+from ertskin.hardware.virtual.bench.strength import Ruler  # noqa: E402
+from ertskin.physics.sensor import Sensor  # noqa: E402
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:

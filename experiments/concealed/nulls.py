@@ -21,11 +21,11 @@ from pathlib import Path  # noqa: E402
 import numpy as np  # noqa: E402
 
 from ertskin.diagnosis.any_recording import diagnose_any  # noqa: E402
-from ertskin.diagnosis.candidates import screen  # noqa: E402
-from ertskin.diagnosis.selection import SIGNIFICANT, Selection, material_cost  # noqa: E402
-from ertskin.diagnosis.skin_family import Calibration  # noqa: E402
-from ertskin.diagnosis.voltage_fit import Term, held_out  # noqa: E402
-from hardware.recording import read_recording  # noqa: E402
+from ertskin.diagnosis.fit.joint_fit import Term  # noqa: E402
+from ertskin.diagnosis.linear.calibration_vector import Calibration  # noqa: E402
+from ertskin.diagnosis.search.candidates import screen  # noqa: E402
+from ertskin.diagnosis.search.selection import SIGNIFICANT, Selection, material_cost  # noqa: E402
+from ertskin.hardware.recording import read_recording  # noqa: E402
 
 
 class Chance:
@@ -45,12 +45,12 @@ class Chance:
         partitions: Sequence[Sequence[int]],
         report: object,
     ) -> Selection:
-        """The same arguments and result as ``ertskin.diagnosis.selection.select``."""
+        """The same arguments and result as ``ertskin.diagnosis.search.selection.select``."""
         problem = build(None)  # type: ignore[operator]
         fitted = problem.solve(fixed, start)
         clean = problem.acquisition.scans(problem.family.skin(fitted.calibration, fitted.effects))
-        score = float(held_out(fitted, partitions).sum())
-        self.least = max(SIGNIFICANT, material_cost(int((problem.weight > 0).sum()) * clean.shape[1], score))
+        cost = 0.5 * float((fitted.scan_residual**2).sum())
+        self.least = max(SIGNIFICANT, material_cost(int((problem.weight > 0).sum()) * clean.shape[1], cost))
         real = problem.evidence
         for seed in range(self.count):
             noise = real.noise_v * np.random.default_rng(seed).standard_normal(clean.shape)

@@ -18,7 +18,7 @@ import numpy as np
 from scipy.stats import beta
 from verdicts import CONFIDENT, LIKELY, DiagnosisError, Judged, open_case
 
-from hardware.virtual.bench.sealing import SealError
+from ertskin.hardware.virtual.bench.sealing import SealError
 
 Number = float | None
 BINS = (0.0, 0.5, 0.7, 0.8, 0.9, 0.95, 1.0)

@@ -1,6 +1,6 @@
 """Two other ways to choose effects from the same library: in-sample AIC, and a pass in the manner of LISDD.
 
-Both take the place of ``ertskin.diagnosis.selection.select``: the same fits, other criteria.
+Both take the place of ``ertskin.diagnosis.search.selection.select``: the same fits, other criteria.
 """
 
 from __future__ import annotations
@@ -12,11 +12,11 @@ import numpy as np
 from scipy.stats import chi2
 from scipy.stats import f as f_distribution
 
-from ertskin.diagnosis.candidates import Candidate, screen
-from ertskin.diagnosis.claims import Rival
-from ertskin.diagnosis.selection import MOST_TERMS, Chosen, Selection
-from ertskin.diagnosis.skin_family import Calibration
-from ertskin.diagnosis.voltage_fit import Solved, Term, VoltageProblem
+from ertskin.diagnosis.contract.claims import Rival
+from ertskin.diagnosis.fit.joint_fit import Solved, Term, VoltageProblem
+from ertskin.diagnosis.linear.calibration_vector import Calibration
+from ertskin.diagnosis.search.candidates import Candidate, screen
+from ertskin.diagnosis.search.selection import MOST_TERMS, Chosen, Selection
 
 Report = Callable[[float | None, str], None]
 Problem = Callable[[Solved | None], VoltageProblem]

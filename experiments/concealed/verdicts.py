@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from comparable import parameters
 
-from hardware.virtual.bench import EFFECTS, Truth
-from hardware.virtual.bench.sealing import unseal
+from ertskin.hardware.virtual.bench import EFFECTS, Truth
+from ertskin.hardware.virtual.bench.sealing import unseal
 
 CONFIDENT = 0.9
 LIKELY = 0.5

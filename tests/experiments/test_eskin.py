@@ -88,3 +88,23 @@ def test_the_network_learns_and_repeats_itself(study):
     assert touches.errors_mm(first, truth_mm).mean() < 0.15 * guessing_mm
     np.testing.assert_array_equal(first, said_mm(0))
     assert not np.array_equal(first, said_mm(1))
+
+
+def test_a_network_started_from_another_skins_needs_fewer_touches(study):
+    _, location_network, touches = study
+    made = made_up(touches)
+    settings = location_network.Settings(members=1, epochs=40, width=64)
+    source = location_network.fitted(made.response[made.early], made.place_mm[made.early], settings, 0)
+    other = touches.SkinTouches(1.4 * made.response + 30.0, made.place_mm)
+    some = made.early[:128]
+    few = location_network.Settings(members=1, epochs=5, width=64)
+    errors = [
+        touches.errors_mm(
+            location_network.fitted(other.response[some], other.place_mm[some], few, 0, start).places_mm(
+                other.response[other.held_out]
+            ),
+            other.place_mm[other.held_out],
+        ).mean()
+        for start in (None, source)
+    ]
+    assert errors[1] < 0.5 * errors[0]

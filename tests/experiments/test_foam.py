@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ertskin.diagnosis.compression import prepared
-from ertskin.diagnosis.coupon import regimes
-from hardware.measurement import Coupon
-from physics.effects.effect import Strokes
-from physics.effects.viscoelastic_foam import ViscoelasticFoam
+from ertskin.diagnosis.coupon.compression import prepared
+from ertskin.diagnosis.coupon.diagnosis import regimes
+from ertskin.hardware.measurement import Coupon
+from ertskin.physics.effects.effect import Strokes
+from ertskin.physics.effects.viscoelastic_foam import ViscoelasticFoam
 
 STUDY = Path(__file__).resolve().parents[2] / "experiments" / "real" / "foam"
 MODULES = ("run", "figures", "forms", "specimen")

@@ -9,8 +9,8 @@ import h5py
 import numpy as np
 import pytest
 
-from ertskin.diagnosis.inclusions import InclusionMap
-from ertskin.diagnosis.sensitivity import Hats
+from ertskin.diagnosis.linear.sensitivity import Hats
+from ertskin.diagnosis.tank.inclusions import InclusionMap
 
 STUDY = Path(__file__).resolve().parents[2] / "experiments" / "real" / "tank"
 MODULES = ("run", "figures", "baseline")

@@ -38,3 +38,20 @@ def error_map(place_mm: Array, said_mm: Array) -> Figure:
     axes.set_ylabel("y / mm")
     axes.tick_params(colors=INK)
     return figure
+
+
+@styled
+def touches_needed(found: dict[str, dict[str, dict[str, list[float]]]]) -> Figure:
+    """Mean error against the number of touches learned from, afresh and from the other skin's network."""
+    figure, panel = panels(len(found), width=3.6)
+    for axes, (name, curves) in zip(panel, found.items(), strict=True):
+        for colour, (way, points) in zip((BLUE, ORANGE), curves.items(), strict=True):
+            counts = sorted(int(count) for count in points if count != "0")
+            axes.plot(counts, [np.mean(points[str(count)]) for count in counts], "o-", ms=4, color=colour, label=way)
+        axes.set_xscale("log")
+        axes.set_yscale("log")
+        axes.set_title(name)
+        axes.set_xlabel("touches of the new skin")
+        axes.set_ylabel("location error / mm")
+        axes.legend()
+    return figure

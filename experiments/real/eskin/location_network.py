@@ -55,8 +55,34 @@ def _ensemble(inputs: int, settings: Settings, generator: torch.Generator) -> nn
 def fit_predict(response: Array, place_mm: Array, asked: Array, settings: Settings, seed: int) -> Array:
     """(M,2) places in mm for responses ``asked`` (M,192), learned from ``response`` (N,192) at ``place_mm`` (N,2).
 
-    The ensemble's answer is the mean of its members'. The loss is quadratic within 2 mm and linear beyond, so that a
-    few wild touches don't lead.
+    The ensemble's answer is the mean of its members'.
+    """
+    return fitted(response, place_mm, settings, seed).places_mm(asked)
+
+
+@dataclass(frozen=True, eq=False)
+class Learned:
+    """A trained ensemble, and what its inputs were scaled by."""
+
+    network: nn.Sequential
+    settings: Settings
+    mean: Array
+    spread: Array
+    centre_mm: Array
+
+    def places_mm(self, asked: Array) -> Array:
+        """(M,2) places in mm for responses (M,192): the mean of the members' answers."""
+        with torch.no_grad():
+            scaled = (compressed(asked, self.settings.scale) - self.mean) / self.spread
+            question = torch.from_numpy(scaled).float()
+            said = self.network(question.expand(self.settings.members, -1, -1)).mean(dim=0)
+        return np.asarray(said.double().numpy() * HALF_SIZE_MM + self.centre_mm)
+
+
+def fitted(response: Array, place_mm: Array, settings: Settings, seed: int, start: Learned | None = None) -> Learned:
+    """An ensemble learned from ``response`` (N,192) at ``place_mm`` (N,2), from the weights of ``start`` where given.
+
+    The loss is quadratic within 2 mm and linear beyond, so that a few wild touches don't lead.
     """
     torch.manual_seed(seed)
     generator = torch.Generator().manual_seed(seed)
@@ -66,6 +92,8 @@ def fit_predict(response: Array, place_mm: Array, asked: Array, settings: Settin
     centre_mm = place_mm.mean(axis=0)
     target = torch.from_numpy((place_mm - centre_mm) / HALF_SIZE_MM).float()
     network = _ensemble(inputs.shape[1], settings, generator)
+    if start is not None:
+        network.load_state_dict(start.network.state_dict())
     steps = settings.epochs * (len(inputs) // settings.batch)
     optimizer = torch.optim.AdamW(network.parameters(), lr=settings.rate, weight_decay=settings.decay, fused=True)
     schedule = torch.optim.lr_scheduler.OneCycleLR(optimizer, settings.rate, total_steps=steps)
@@ -79,8 +107,4 @@ def fit_predict(response: Array, place_mm: Array, asked: Array, settings: Settin
             loss.backward()
             optimizer.step()
             schedule.step()
-    network.eval()
-    with torch.no_grad():
-        question = torch.from_numpy((compressed(asked, settings.scale) - mean) / spread).float()
-        said = network(question.expand(settings.members, -1, -1)).mean(dim=0)
-    return said.double().numpy() * HALF_SIZE_MM + centre_mm
+    return Learned(network.eval(), settings, mean, spread, centre_mm)

@@ -8,7 +8,6 @@ DATA holds real/eskin_radial.h5 and real/eskin_fullCB.h5; results and figures go
 from __future__ import annotations
 
 import json
-import os
 import sys
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -22,6 +21,7 @@ from figures import error_distribution, error_map
 from sklearn.linear_model import RidgeCV
 from touches import SkinTouches, errors_mm, hit_rate
 
+from ertskin.files import write_whole
 from ertskin.report.figures.image import png
 
 SKINS = ("radial", "fullCB")
@@ -42,7 +42,7 @@ def main() -> None:
     out = Path(sys.argv[2]) if len(sys.argv) > 2 else Path(__file__).parent
     torch.set_num_threads(1)
     results = {name: study(SkinTouches.read(data / "real" / f"eskin_{name}.h5"), name, out) for name in SKINS}
-    write(out / "results.json", json.dumps(results, indent=1).encode())
+    write_whole(out / "results.json", json.dumps(results, indent=1))
     print(table(results))
 
 
@@ -62,8 +62,8 @@ def study(touches: SkinTouches, name: str, out: Path) -> dict[str, Any]:
         said["network ensemble"].append(network(touches, chosen, seed))
     numbers = {method: summary(answers, touches) for method, answers in said.items()}
     errors = {method: errors_mm(answers[0], truth_mm) for method, answers in said.items()}
-    write(out / f"{name}_errors.png", png(error_distribution(errors)))
-    write(out / f"{name}_map.png", png(error_map(truth_mm, said["network ensemble"][0])))
+    write_whole(out / f"{name}_errors.png", png(error_distribution(errors)))
+    write_whole(out / f"{name}_map.png", png(error_map(truth_mm, said["network ensemble"][0])))
     return {
         "methods": numbers,
         "kernel_ridge": {"setting": asdict(setting), "tuning_mm": tuning_mm, "settings_tried": tried},
@@ -133,14 +133,6 @@ def spread(values: list[float], digits: int = 2) -> str:
     """Mean, with ± standard deviation where there is more than one."""
     mean = f"{np.mean(values):.{digits}f}"
     return mean if len(values) == 1 else f"{mean} ± {np.std(values, ddof=1):.{digits}f}"
-
-
-def write(path: Path, content: bytes) -> None:
-    """Aside, then renamed."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    aside = path.with_name(path.name + ".part")
-    aside.write_bytes(content)
-    os.replace(aside, path)
 
 
 if __name__ == "__main__":

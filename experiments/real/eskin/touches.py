@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from hardware.recording import read_recording
+from ertskin.hardware.recording import read_recording
 
 Array = NDArray[np.float64]
 Rows = NDArray[np.intp]

@@ -7,10 +7,10 @@ from forms import recorded
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from ertskin.diagnosis.claims import QUANTILE
-from ertskin.diagnosis.compression import Compression
-from ertskin.diagnosis.coupon_fit import CouponModel
-from hardware.measurement import Coupon
+from ertskin.diagnosis.contract.claims import QUANTILE
+from ertskin.diagnosis.coupon.compression import Compression
+from ertskin.diagnosis.coupon.fit import CouponModel
+from ertskin.hardware.measurement import Coupon
 
 Array = NDArray[np.float64]
 

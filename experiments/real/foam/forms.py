@@ -9,18 +9,23 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares, nnls
 from specimen import Prediction, Rows, Specimen
 
-from ertskin.diagnosis.compression import Compression
-from ertskin.diagnosis.coupon import HELD, HYSTERESIS, RELAXATION, SHAPE, SOFTENING, TWIN
-from ertskin.diagnosis.coupon_fit import elastic_model, fit_coupon
-from hardware.measurement import Coupon
-from physics.effects.effect import FoamEffect, Strokes, parameter
-from physics.effects.exponential_memory import relaxing
-from physics.effects.foam_hysteresis import FoamHysteresis
-from physics.effects.foam_softening import FoamSoftening
-from physics.effects.viscoelastic_foam import ViscoelasticFoam
+from ertskin.diagnosis.coupon.compression import Compression
+from ertskin.diagnosis.coupon.diagnosis import FORM, HELD, STARTS, held_by
+from ertskin.diagnosis.coupon.fit import elastic_model, fit_coupon
+from ertskin.hardware.measurement import Coupon
+from ertskin.physics.effects.effect import FoamEffect, Strokes, parameter
+from ertskin.physics.effects.exponential_memory import relaxing
+from ertskin.physics.effects.foam_hysteresis import FoamHysteresis
+from ertskin.physics.effects.foam_softening import FoamSoftening
+from ertskin.physics.effects.viscoelastic_foam import ViscoelasticFoam
 
 Array = NDArray[np.float64]
 
+HYSTERESIS, SOFTENING, RELAXATION = FORM
+TWO_TIMES = STARTS[RELAXATION.name][1]
+TWIN = TWO_TIMES.effect
+SHAPE = held_by([*(STARTS[e.name][0] for e in (HYSTERESIS, SOFTENING)), TWO_TIMES])
+"""Parameters held where the relaxation has two times."""
 POWERS = (1.0, 2.0, 3.0, 5.0, 8.0, 12.0)
 PLAIN = (
     FoamSoftening(excess=0.1, kept=0.5, presses=1.0),

@@ -8,7 +8,6 @@ DATA holds real/foam_turbo_free_1.h5 to _5.h5; results and figures go to OUT, th
 from __future__ import annotations
 
 import json
-import os
 import sys
 from pathlib import Path
 from typing import Any
@@ -19,8 +18,9 @@ from forms import FORMS, OURS, PlainFit, elastic_fit
 from numpy.typing import NDArray
 from specimen import Fit, Specimen
 
-from ertskin.diagnosis.coupon import FORM, HELD
-from ertskin.diagnosis.coupon_fit import fit_coupon
+from ertskin.diagnosis.coupon.diagnosis import FORM, HELD
+from ertskin.diagnosis.coupon.fit import fit_coupon
+from ertskin.files import write_whole
 from ertskin.report.figures.image import save_png
 
 Array = NDArray[np.float64]
@@ -45,7 +45,7 @@ def main() -> None:
     results["four for the fifth"] = left_out(
         specimens, results["chosen"]["by the slow parts of the other four"]["form"]
     )
-    write(out / "results.json", json.dumps(results, indent=1))
+    write_whole(out / "results.json", json.dumps(results, indent=1) + "\n")
     drawn = {ELASTIC: "tab:gray", PLAIN: "tab:orange", OURS: "tab:red"}
     save_png(slow_figure([s.test for s in specimens], predictions, drawn), out / "slow.png")
     save_png(dwell_figure(specimens[0].coupon, specimens[0].test), out / "dwell.png")
@@ -125,14 +125,6 @@ def line(name: str, slow_n: list[float], last_n: list[float] | None = None) -> s
     """A row of a table."""
     last = "" if last_n is None else f"{np.median(last_n):.3f}"
     return f"| {name} | " + " | ".join(f"{e:.3f}" for e in slow_n) + f" | {np.median(slow_n):.3f} | {last} |"
-
-
-def write(path: Path, text: str) -> None:
-    """Write aside and rename."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    aside = path.with_name(f".{path.name}.{os.getpid()}")
-    aside.write_text(text + "\n", encoding="utf-8")
-    os.replace(aside, path)
 
 
 if __name__ == "__main__":

@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ertskin.diagnosis.compression import Compression, prepared
-from ertskin.diagnosis.coupon import earlier, regimes
-from hardware.measurement import Coupon
-from hardware.recording import read_recording
+from ertskin.diagnosis.coupon.compression import Compression, prepared
+from ertskin.diagnosis.coupon.diagnosis import earlier, regimes
+from ertskin.hardware.measurement import Coupon
+from ertskin.hardware.recording import read_recording
 
 Array = NDArray[np.float64]
 Rows = NDArray[np.bool_]

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ertskin.diagnosis.inclusions import RIDGE, Imaging, InclusionMap, bend, reading_variance
-from physics.calibration.scan_space import ScanSpace
+from ertskin.diagnosis.tank.inclusions import RIDGE, Imaging, InclusionMap, bend, reading_variance
+from ertskin.physics.calibration.scan_space import ScanSpace
 
 Array = NDArray[np.float64]
 

@@ -8,9 +8,9 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from ertskin.diagnosis.inclusions import InclusionMap
-from ertskin.diagnosis.tank_drawing import draw_map
-from physics.sensor import Sensor
+from ertskin.diagnosis.tank.figures import draw_map
+from ertskin.diagnosis.tank.inclusions import InclusionMap
+from ertskin.physics.sensor import Sensor
 
 Array = NDArray[np.float64]
 

@@ -9,7 +9,6 @@ read after every map is made.
 from __future__ import annotations
 
 import json
-import os
 import sys
 from pathlib import Path
 from typing import Any
@@ -20,13 +19,14 @@ from baseline import one_step
 from figures import curve_figure, maps_figure
 from numpy.typing import NDArray
 
-from ertskin.diagnosis.inclusions import Imaging, InclusionMap, bend
-from ertskin.diagnosis.standing_error import column_errors, corrected, electrode_errors, network_basis, rms_v
-from ertskin.diagnosis.tank import noise_v
-from ertskin.diagnosis.tank_drawing import electrode_figure
+from ertskin.diagnosis.tank.diagnosis import noise_v
+from ertskin.diagnosis.tank.electrode_error import column_errors, corrected, electrode_errors, rms_v
+from ertskin.diagnosis.tank.figures import electrode_figure
+from ertskin.diagnosis.tank.inclusions import Imaging, InclusionMap, bend
+from ertskin.files import write_whole
+from ertskin.hardware.recording import read_recording
+from ertskin.physics.protocol import Protocol
 from ertskin.report.figures.image import save_png
-from hardware.recording import read_recording
-from physics.protocol import Protocol
 
 Array = NDArray[np.float64]
 
@@ -62,7 +62,7 @@ def main() -> None:
         for frame in paths
     }
     results["chosen weight"] = [one[OURS].weight for one in maps.values()]
-    write(out / "results.json", json.dumps(results, indent=1))
+    write_whole(out / "results.json", json.dumps(results, indent=1) + "\n")
     errors = electrode_errors(protocol, voltage[0])
     left = electrode_errors(protocol, corrected(protocol, voltage[0], errors.named[0])) if errors.named else None
     save_png(electrode_figure(errors, left), out / "electrodes.png")
@@ -99,7 +99,7 @@ def electrodes(protocol: Protocol, voltage_v: Array) -> dict[str, Any]:
 def beside_offsets_v(protocol: Protocol, scan_v: Array) -> float:
     """Rms in volt, per degree of freedom, of what neither a network nor an offset of every column explains."""
     offsets = np.tile(np.eye(protocol.shape[1]), (protocol.shape[0], 1))
-    known = np.linalg.qr(np.column_stack([network_basis(protocol), offsets]))[0]
+    known = np.linalg.qr(np.column_stack([protocol.orthonormal, offsets]))[0]
     left = scan_v.ravel() - known @ (known.T @ scan_v.ravel())
     return float(np.sqrt((left**2).sum() / (left.size - known.shape[1])))
 
@@ -163,14 +163,6 @@ def table(results: dict[str, Any]) -> str:
         lines.append(f"| {k} | {named} | {chance} | {frame['p_next']:.2f} | {ratios} |")
     null = results["nulls"]
     return "\n".join([*lines, "", f"{null['named']} of {null['scans']} scans without a bad electrode blame one."])
-
-
-def write(path: Path, text: str) -> None:
-    """Write aside and rename."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    aside = path.with_name(f".{path.name}.{os.getpid()}")
-    aside.write_text(text + "\n", encoding="utf-8")
-    os.replace(aside, path)
 
 
 if __name__ == "__main__":

@@ -1,0 +1,132 @@
+"""Recompute a seed's score from what is committed: ``python experiments/concealed/proof/score.py RESULTS``.
+
+RESULTS is ``experiments/concealed/results/seedN``. Every seal is checked first: the secret against its hash, every
+nonce against the secret, every truth against its seal, the cases against those the secret draws. ``--recordings DIR``
+checks the recordings' bytes too. Writes score.md, score.json and reliability.png there.
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import sys
+from pathlib import Path
+from typing import Any
+
+import seals
+from judged import DiagnosisError, Judged, checked
+from rows import FormClasses, Row, calibration_error, reliability, rows
+from suite import suite
+
+LEFT = Path(__file__).with_name("isolated_laws.json")
+Scores = dict[str, dict[str, Any]]
+
+
+def opened(results: Path, recordings: Path | None = None) -> dict[str, dict[str, Any]]:
+    """Truths by case, all seals checked; raises ``SealError`` for the first that doesn't hold."""
+    committed = seals.read_json(results / "commitments.json")
+    revealed = seals.read_json(results / "opened.json.xz")
+    secret = bytes.fromhex(revealed["secret"])
+    if hashlib.sha256(secret).hexdigest() != committed["secret"]:
+        raise seals.SealError(f"{results}: the secret is not the one committed")
+    drawn = {case.name: case for case in suite(secret, committed["suite"]["families"], committed["suite"]["small"])}
+    truths = {}
+    for name, commitment in committed["cases"].items():
+        one = revealed["cases"].get(name)
+        if one is None:
+            raise seals.SealError(f"{name}: committed but not opened")
+        if one["nonce"] != seals.nonce(secret, name):
+            raise seals.SealError(f"{name}: its nonce doesn't come from the secret")
+        seals.check(name, one["truth"], one["nonce"], commitment["truth"])
+        if any(one["truth"][key] != getattr(drawn[name], key) for key in ("kind", "seed", "shape", "scan", "presses")):
+            raise seals.SealError(f"{name}: not the case that the secret draws")
+        if recordings is not None and seals.file_hash(recordings / f"{name}.h5") != commitment["recording"]:
+            raise seals.SealError(f"{name}: the recording's bytes are not those committed")
+        truths[name] = one["truth"]
+    return truths
+
+
+def judged(results: Path, truths: dict[str, dict[str, Any]]) -> dict[str, list[Judged]]:
+    """Every method's diagnoses beside the truths; a case without a diagnosis names nothing."""
+    said = seals.read_json(results / "diagnoses.json.xz")
+    return {
+        method: [Judged(name, truth, checked(f"{method}/{name}", by_case.get(name))) for name, truth in truths.items()]
+        for method, by_case in said.items()
+    }
+
+
+def _cell(row: Row) -> str:
+    worst = row.worst
+    return f"{row.label} | {row.goal} | {row.total} | " + (f"{worst[0]}: {worst[1]}" if worst else "")
+
+
+def page(method: str, cases: list[Judged], classes: FormClasses) -> tuple[str, dict[str, Any]]:
+    """The table of one method as text, and its numbers."""
+    table, bins = rows(cases, classes), reliability(cases)
+    error = calibration_error(bins)
+    lines = [f"## {method}", "", "| | wanted | all | worst form class |", "| --- | --- | --- | --- |"]
+    lines += [f"| {_cell(row)} |" for row in table]
+    said = "no claim" if error is None else f"{error:.3f}"
+    lines.append(f"| of names at p, p right (expected calibration error) | 0.03 | {said} | |")
+    lines += [
+        "",
+        "Confident wrong names: "
+        + (", ".join(f"{c.name} {n}" for c in cases for n in c.wrong_confident) or "none")
+        + ".",
+        "",
+    ]
+    numbers = {
+        row.label: {"hits": row.total.hits, "count": row.total.count, "interval": row.total.interval,
+                    "classes": {n: [s.hits, s.count] for n, s in row.classes.items()}}
+        for row in table
+    }  # fmt: skip
+    return "\n".join(lines), {"rows": numbers, "calibration_error": error, "reliability": bins}
+
+
+def draw(scores: Scores, path: Path) -> None:
+    """Confidence against how often it was right."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+
+    figure, axes = plt.subplots(figsize=(5, 5), layout="constrained")
+    axes.plot([0, 1], [0, 1], color="0.7", label="calibrated")
+    for method, one in scores.items():
+        bins = one["reliability"]
+        axes.plot([b["confidence"] for b in bins], [b["right"] for b in bins], marker="o", label=method)
+        for b in bins:
+            axes.annotate(
+                str(b["count"]), (b["confidence"], b["right"]), (4, -12), textcoords="offset points", fontsize=7
+            )
+    axes.set(xlabel="stated confidence", ylabel="share of claims that were right", xlim=(0, 1.03), ylim=(-0.03, 1.03))
+    axes.legend()
+    figure.savefig(path, dpi=120, metadata={"Software": None})
+    plt.close(figure)
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("results", type=Path, help="folder of a seed's results")
+    parser.add_argument("--recordings", type=Path, help="check the bytes of the recordings in this folder too")
+    options = parser.parse_args()
+    try:
+        truths = opened(options.results, options.recordings)
+        methods = judged(options.results, truths)
+    except (seals.SealError, DiagnosisError) as error:
+        print(error, file=sys.stderr)
+        return 2
+    classes = FormClasses({key: one["left"] for key, one in seals.read_json(LEFT).items()} if LEFT.exists() else {})
+    pages, scores = [f"# Score of {options.results.name}: {len(truths)} cases, all seals hold", ""], {}
+    for method, cases in methods.items():
+        text, scores[method] = page(method, cases, classes)
+        pages.append(text)
+    (options.results / "score.md").write_text("\n".join(pages) + "\n")
+    seals.write_json(options.results / "score.json", scores)
+    draw(scores, options.results / "reliability.png")
+    print("\n".join(pages))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,108 @@
+"""Every effect and family of the generator: none of it at size 0, something the noise doesn't hide at a stated size."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+from generator.effect import Effect
+from generator.families import FAMILIES
+from generator.forms import FORMS
+from generator.recording import Clean, clean, measured
+from generator.sheet import Sheet
+from generator.strength import Ruler
+from small_proof_skin import small_skin
+from suite import draw_split, families
+
+NAMES = [
+    "nonlinear_foam", "viscoelastic_foam", "foam_hysteresis", "foam_softening", "indenter_offset",
+    "piezo_hysteresis", "piezo_creep", "piezo_inhomogeneity", "sheet_anisotropy", "sheet_inhomogeneity",
+    "temperature_drift", "contact_pressure_dependence", "electrode_displacement", "channel_gain", "crosstalk",
+    "adc_saturation", "scan_skew", "contact_drift", "self_heating",
+]  # fmt: skip
+"""The table of names: a contract of the project's."""
+KINDS = [*(kind for kinds in FORMS.values() for kind in kinds), *FAMILIES.values()]
+
+
+@cache
+def without() -> tuple[Sheet, Clean]:
+    skin = small_skin()
+    sheet = Sheet(skin.outline_m, skin.electrodes, skin.fineness)
+    return sheet, clean(skin, [], sheet)
+
+
+def change(effects: list[Effect]) -> tuple[float, float]:
+    """rms of what effects change: readings over the reading noise, force over the load cell's."""
+    skin, (sheet, base) = small_skin(), without()
+    for effect in effects:
+        effect.draw(skin, np.random.default_rng(3))
+    found = clean(skin, effects, sheet)
+    voltage, moving = found.voltage_v, np.arange(len(found.voltage_v)) % 2 == 0
+    for effect in effects:
+        voltage = effect.recorded(voltage, moving, np.random.default_rng(5))
+    step = (voltage - base.voltage_v) / skin.noise.white_v
+    force = (found.force_n - base.force_n) / skin.noise.force_n
+    return float(np.sqrt(np.mean(step**2))), float(np.sqrt(np.mean(force**2)))
+
+
+def test_all_effects_at_size_nothing_are_nothing() -> None:
+    one_form_each = [kinds[-1] for kinds in FORMS.values()] + list(FAMILIES.values())
+    assert max(change([kind(0.0) for kind in one_form_each])) < 1e-3
+
+
+@pytest.mark.parametrize("kind", KINDS, ids=lambda kind: f"{kind.name}-{kind.form}")
+def test_an_effect_at_half_its_largest_size_is_beyond_the_noise(kind: type[Effect]) -> None:
+    assert max(change([kind(0.5 * kind.largest)])) > 1.0
+
+
+def test_forms_cover_every_name_and_say_where_they_come_from() -> None:
+    assert set(NAMES) == set(FORMS)
+    assert all(kind.source and kind.form for kind in KINDS)
+    for name, kinds in FORMS.items():
+        assert len({kind.form for kind in kinds}) == len(kinds) >= 2
+        assert {kind.name for kind in kinds} == {name}
+
+
+def test_the_split_of_families_is_the_committed_draw() -> None:
+    drawn = draw_split()
+    assert sorted(drawn["open"] + drawn["sealed"]) == sorted(FAMILIES)
+    assert len(FAMILIES) >= 20
+    assert set(drawn["open"]) <= set(families(final=False))
+    assert set(families(final=True)) <= set(drawn["sealed"])
+    assert not set(families(final=False)) & set(families(final=True))
+
+
+def test_a_ruler_finds_the_size_of_the_ratio_wanted() -> None:
+    skin = small_skin()
+    ruler = Ruler(skin)
+
+    def make(size: float) -> Effect:
+        effect = FORMS["piezo_creep"][0](size)
+        effect.draw(skin, np.random.default_rng(1))
+        return effect
+
+    size, reached = ruler.size(make, 1.5)
+    assert reached.own == pytest.approx(1.5, abs=0.05)
+    assert ruler.ratio([make(2 * size)]).own > 1.9
+    assert ruler.ratio([make(0.0)]).own == pytest.approx(1.0, abs=1e-6)
+
+
+def test_contacts_that_all_change_alike_are_no_effect_to_the_ruler() -> None:
+    skin = small_skin()
+
+    class Lead(Effect):
+        def network(self, transfer_ohm, moment):  # type: ignore[no-untyped-def]
+            return transfer_ohm + 30.0 * np.eye(len(transfer_ohm))
+
+    assert Ruler(skin).ratio([Lead(1.0)]).own == pytest.approx(1.0, abs=1e-3)
+
+
+def test_a_recording_has_its_noise_and_only_that() -> None:
+    skin, (_, base) = small_skin(), without()
+    data = measured(skin, [], [], base)
+    left = data.voltage_v - base.voltage_v
+    assert left.std() == pytest.approx(skin.noise.white_v, rel=0.05)
+    assert (data.force_n - base.force_n).std() == pytest.approx(skin.noise.force_n, rel=0.3)
+    again = measured(skin, [], [], base)
+    np.testing.assert_array_equal(data.voltage_v, again.voltage_v)
