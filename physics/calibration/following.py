@@ -31,6 +31,7 @@ FIRST_CONTACT, FIRST_SHEET, FIRST_WANDER = 1.0, 0.3, 100.0
 UNTOLD = 1e-6
 """Slopes below this share of the largest tell nothing."""
 FALSE_ALARMS = 1e-3
+"""Share of frames of the skin as it was calibrated, resting or touched, that are said to be of another one."""
 FEWEST = 4
 """Rest frames from which rates are told."""
 

@@ -5,6 +5,7 @@ import pytest
 from test_protocol import undriven
 
 from ertskin.physics.protocol import Protocol, electrode_pairs
+from ertskin.physics.scan_reduction import ScanReduction
 from ertskin.physics.spikes import completed, despiked
 
 
@@ -41,6 +42,22 @@ def test_lost_readings_come_from_their_twins(frames):
     assert np.isnan(whole[5]).sum() == 2
     assert np.isfinite(np.delete(whole, 5, axis=0)).all()
     assert (whole[:, ~protocol.taken] == 0).all()
+
+
+def test_one_scan_at_a_time_loses_the_same_readings():
+    rng = np.random.default_rng(6)
+    protocol = Protocol.against_sink(electrode_pairs(10), 10, 1e-3)
+    voltage = protocol.readings(1e3 * (1 + 0.1 * rng.random(45)))[None]
+    voltage += 1e-3 * rng.standard_normal(voltage.shape)
+    voltage[0, 3, 4] += 0.2
+    voltage[0, 3, 5] -= 0.06
+    scan, left_out = despiked(protocol, voltage)
+    assert left_out.sum() == 2
+    reduction = ScanReduction(protocol, 1e-3)
+    coordinates, clean, unexplained = reduction.despiked(voltage[0].ravel())
+    np.testing.assert_allclose(coordinates, scan[0], atol=1e-9)
+    np.testing.assert_allclose(clean - unexplained, protocol.orthonormal @ scan[0], atol=1e-9)
+    assert (clean != voltage[0].ravel()).sum() == 2
 
 
 def test_the_papers_scan_makes_up_for_a_whole_channel():

@@ -26,9 +26,9 @@ from ertskin.evaluation.corrected_forward import CorrectedForward
 from ertskin.evaluation.followed import seen_by
 from ertskin.evaluation.panel import yardsticks
 from ertskin.evaluation.recordings import ANYWHERE_ROLE, EvaluatedRecordings
-from ertskin.evaluation.results import MethodResult, write_results
+from ertskin.evaluation.results import MethodResult, metric_names, write_results
 from ertskin.evaluation.tracked import track
-from ertskin.evaluation.trained import finished_models, given_models, grouped, on_grid, without_and_with
+from ertskin.evaluation.trained import Group, finished_models, given_models, grouped, on_grid, without_and_with
 from ertskin.hardware.recording import Recording
 from ertskin.hardware.virtual.bench.sealing import SealError, committed, unseal
 from ertskin.models.reconstruction import Reconstruction
@@ -66,13 +66,13 @@ def evaluate(config: DictConfig, files: EvaluatedRecordings, say: Say = lambda l
     remarks: list[str] = []
     checksum = None
     on_taxels = {role: recording for role, recording in recordings.items() if role != ANYWHERE_ROLE}
-    if len(on_taxels) > 1:
-        methods, remarks, checksum = _on_taxels(config, on_taxels, models, say)
     groups = grouped(models)
+    if len(on_taxels) > 1:
+        methods, remarks, checksum = _on_taxels(config, on_taxels, groups, say)
     if ANYWHERE_ROLE in recordings:
         anywhere, more = evaluate_anywhere(config, recordings[ANYWHERE_ROLE], groups, say)
         methods, remarks = merged(methods, anywhere), remarks + more
-        methods.sort(key=lambda method: method.kind != "network")
+    methods = _in_order(methods)
     say("report")
     out = Path(config.out) if config.out else Path("runs/evaluate") / f"{source.stem}{_grid(config)}"
     about = _about(source, named, checksum)
@@ -112,7 +112,7 @@ class Story:
 
 
 def _on_taxels(
-    config: DictConfig, recordings: dict[str, Recording], models: list[Reconstruction], say: Say
+    config: DictConfig, recordings: dict[str, Recording], groups: dict[str, Group], say: Say
 ) -> tuple[list[MethodResult], list[str], str]:
     """Networks of this grid and yardsticks on presses of taxels, what a person should know, and the data's checksum."""
     say("simulated trials")
@@ -120,10 +120,12 @@ def _on_taxels(
     tests = [recording for role, recording in recordings.items() if role != "training"]
     zeroed = [touches_of(recording) for recording in tests]
     frames = _frames(zeroed, material)
-    fitting = on_grid(models, material.taxel_m)
-    if not fitting:
-        raise UserError(f"none of {len(models)} models answers for the {len(material.taxel_m)} taxels of this grid")
-    remarks = [] if len(fitting) == len(models) else [f"{len(models) - len(fitting)} models of other grids left out"]
+    fitting = {name: on_grid(trained, material.taxel_m) for name, trained in groups.items()}
+    count = sum(map(len, groups.values()))
+    if not any(fitting.values()):
+        raise UserError(f"none of {count} models answers for the {len(material.taxel_m)} taxels of this grid")
+    left_out = count - sum(map(len, fitting.values()))
+    remarks = [f"{left_out} models of other grids left out"] if left_out else []
     methods = []
 
     def as_seen(one: Reconstruction) -> TestFrames:
@@ -131,10 +133,10 @@ def _on_taxels(
         remarks.extend(line for _, lines in seen for line in lines if line not in remarks)
         return _frames([touches for touches, _ in seen], material)
 
-    for name, trained in grouped(fitting).items():
-        say(name)
-        methods.append(network_result(name, trained, as_seen))
-    methods.sort(key=_rank)
+    for name, trained in fitting.items():
+        if trained:
+            say(name)
+            methods.append(network_result(name, trained, as_seen))
     forward, rest = _physics(config, recordings["training"], material)
     seeds = range(int(config.yardstick_seeds))
     methods += yardsticks(list(config.yardsticks), material, forward, rest, frames, seeds, say)
@@ -174,11 +176,18 @@ def _at_rest(forward: SkinForward) -> Solution:
     return sheet.solve(sheet.uniform(skin.sensor.sheet_resistance_ohm_sq), skin.contact_resistance_ohm)
 
 
+def _in_order(methods: Sequence[MethodResult]) -> list[MethodResult]:
+    """Networks, the best first, then the yardsticks as they are."""
+    networks = sorted((method for method in methods if method.kind == "network"), key=_rank)
+    return networks + [method for method in methods if method.kind != "network"]
+
+
 def _rank(method: MethodResult) -> tuple[float, float]:
-    """Networks by hits on one point and two, then by force: the best first."""
-    hits = sum(method.values(name).mean() for name in ("hit_rate_one", "exact_rate_two") if len(method.values(name)))
-    errors = [method.values(name).mean() for name in ("force_rmse_one_n", "force_error_two_n")]
-    return -hits, float(np.nansum(errors))
+    """By right answers in all tests, on the taxels and anywhere, then by force."""
+    means = {name: float(method.values(name).mean()) for name in metric_names([method])}
+    right = [mean for name, mean in means.items() if name.startswith(("hit_rate", "exact_rate", "count_rate"))]
+    errors = [mean for name, mean in means.items() if name.startswith(("force_rmse", "force_error"))]
+    return -float(np.mean(right)), float(np.mean(errors))
 
 
 def _about(source: Path, named: dict[str, Path], checksum: str | None) -> dict[str, object]:

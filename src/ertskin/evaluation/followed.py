@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from ertskin.data.touches import Followed, Touches, followed_touches
 from ertskin.hardware.recording import Recording
-from ertskin.models.novelty import FALSE_ALARMS
 from ertskin.models.reconstruction import Reconstruction
+from ertskin.physics.calibration.following import FALSE_ALARMS
 
 
 def seen_by(trained: Reconstruction, recording: Recording, zeroed: Touches, follow: bool) -> tuple[Touches, list[str]]:

@@ -48,23 +48,29 @@ def finished_models(folder: Path, recording: Path) -> list[Reconstruction]:
     return own
 
 
-def on_grid(models: Sequence[Reconstruction], taxel_m: Array) -> list[Reconstruction]:
+def on_grid(group: Group, taxel_m: Array) -> Group:
     """Those that answer for the taxels ``taxel_m`` (n,2); a network for another grid can't be compared on this one."""
-    return [model for model in models if _taxels_equal(model, taxel_m)]
+    return {seed: model for seed, model in group.items() if _taxels_equal(model, taxel_m)}
 
 
 def grouped(models: Sequence[Reconstruction]) -> dict[str, Group]:
     """Name -> seed -> model. Trainings that differ in more than the seed get names that say in what.
 
-    Of effects the name says which were simulated, not their parameters.
+    Of effects the name says which were simulated, and of their parameters those that only trainings with the same
+    effects differ in.
     """
     configs = [_compared(model) for model in models]
     groups: dict[str, Group] = {}
     for model, config in zip(models, configs, strict=True):
         name = str(config.get("model.name", type(model.network).__name__))
         alike = [other for other in configs if other.get("model.name") == config.get("model.name")]
-        differing = {key for key in config if any(other.get(key) != config[key] for other in alike)}
-        words = [f"{key.removeprefix('model.')} {config[key]}" for key in sorted(differing) if key != EFFECTS]
+        same = [other for other in alike if other[EFFECTS] == config[EFFECTS]]
+        differing = {
+            key
+            for key in config
+            if any(other.get(key) != config[key] for other in (same if _parameter_of_effect(key) else alike))
+        }
+        words = [f"{_heading(key)} {config[key]}" for key in sorted(differing) if key != EFFECTS]
         if EFFECTS in differing and config[EFFECTS]:
             words.insert(0, f"with {config[EFFECTS]}")
         seeds = groups.setdefault(f"{name} ({', '.join(words)})" if words else name, {})
@@ -88,13 +94,22 @@ def without_and_with(groups: Mapping[str, Group]) -> list[tuple[str, str]]:
 
 
 def _compared(model: Reconstruction) -> dict[str, Any]:
-    """What tells one method from another, flat: of effects their names, and their parameters by name."""
+    """What tells one method from another, flat; ``EFFECTS`` are the names of all effects simulated."""
     flat = {k: v for k, v in flattened(_config(model)).items() if k.split(".")[0] not in ASIDE}
-    return {k: v for k, v in flat.items() if not k.startswith(f"{EFFECTS}.")} | {EFFECTS: ", ".join(_effects(model))}
+    return flat | {EFFECTS: ", ".join(_effects(model))}
+
+
+def _parameter_of_effect(key: str) -> bool:
+    return key.startswith(f"{EFFECTS}.")
+
+
+def _heading(key: str) -> str:
+    return key.removeprefix("model.").removeprefix(f"{EFFECTS}.")
 
 
 def _kind(model: Reconstruction) -> str:
-    return repr(sorted((key, str(value)) for key, value in _compared(model).items() if key != EFFECTS))
+    compared = _compared(model).items()
+    return repr(sorted((key, str(value)) for key, value in compared if key.split(".")[0] != EFFECTS))
 
 
 def _effects(model: Reconstruction) -> tuple[str, ...]:

@@ -17,7 +17,7 @@ from __future__ import annotations
 import json
 
 from ertskin.live.session import Array, LiveFrame
-from ertskin.models.novelty import FALSE_ALARMS
+from ertskin.physics.calibration.following import FALSE_ALARMS
 
 FRAME_ID = "skin"
 

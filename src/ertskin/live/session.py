@@ -127,9 +127,9 @@ class Session:
         begin = time.perf_counter()
         seen = watch.see(scan.voltage_v, scan.time_s)
         estimate = self._nothing if seen.at_rest else self._predictor.estimate(seen.change_v[None])
-        latency = time.perf_counter() - begin
         novelty, at_rest = watch.judged(seen, estimate)
         estimate = self._nothing if at_rest else estimate
+        latency = time.perf_counter() - begin
         if not estimate.present.any():
             self._drift.append(float(np.sqrt(max(0.0, seen.surprise * watch.monitor.resting.limit - 1.0))))
         frame = self._frame(scan, estimate, latency)

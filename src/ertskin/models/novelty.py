@@ -15,12 +15,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ertskin.physics.calibration.following import FALSE_ALARMS
 from ertskin.physics.noise.directions import noise_directions
 
 Array = NDArray[np.float64]
 
-FALSE_ALARMS = 1e-3
-"""Share of frames of the skin that was learned which are said to be of another one."""
 PARTS = 3
 TAIL = 0.1
 """Share of the scores from which the tail is taken."""

@@ -15,7 +15,7 @@ from ertskin.errors import UserError
 from ertskin.evaluation.benchmark import Lesson, TestFrames, network_result, yardstick_result
 from ertskin.evaluation.corrected_forward import CorrectedForward
 from ertskin.evaluation.panel import YARDSTICKS, yardsticks
-from ertskin.evaluation.trained import grouped, on_grid
+from ertskin.evaluation.trained import grouped, on_grid, without_and_with
 from ertskin.evaluation.yardsticks import Ridge
 from ertskin.models.estimate import Estimate
 from ertskin.models.network import Network
@@ -133,10 +133,13 @@ def test_the_corrected_forward_adds_the_discrepancy():
     np.testing.assert_allclose(added[0], beyond_v[3], rtol=0.02)
 
 
-def trained(name: str, seed: int, noise: str = "white", grid: int = 3) -> Reconstruction:
+def trained(
+    name: str, seed: int, noise: str = "white", grid: int = 3, effects: dict[str, dict[str, float]] | None = None
+) -> Reconstruction:
     network = Echo("coordinates")
     network.taxel_m = Tensor(resistor_sheet.taxel_m(grid))
-    return Reconstruction(PROTOCOL, network, None, {"config": {"model": {"name": name}, "seed": seed, "noise": noise}})
+    config = {"model": {"name": name}, "seed": seed, "noise": noise, "effects": effects or {}}
+    return Reconstruction(PROTOCOL, network, None, {"config": config})
 
 
 def test_models_are_grouped_by_what_differs_besides_the_seed():
@@ -149,6 +152,13 @@ def test_models_are_grouped_by_what_differs_besides_the_seed():
     }
 
 
+def test_trainings_with_the_same_effects_and_other_parameters_stand_apart():
+    amounts = [{"loop": {"width": 0.1, "decay": 2.0}}, {"loop": {"width": 0.2, "decay": 2.0}}, {"drift": {"rate": 0.1}}]
+    groups = grouped([trained("a", 0, effects=effects) for effects in [None, *amounts]])
+    assert set(groups) == {"a", "a (with loop, loop.width 0.1)", "a (with loop, loop.width 0.2)", "a (with drift)"}
+    assert without_and_with(groups) == [("a", name) for name in groups if name != "a"]
+
+
 def test_models_of_another_grid_are_left_out():
-    models = [trained("a", 0), trained("a", 1, grid=2)]
-    assert on_grid(models, TAXEL_M) == models[:1]
+    group = {0: trained("a", 0), 1: trained("a", 1, grid=2)}
+    assert on_grid(group, TAXEL_M) == {0: group[0]}

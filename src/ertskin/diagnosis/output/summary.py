@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from rich import box
 from rich.console import Console
 from rich.table import Table
 
@@ -26,12 +27,11 @@ def print_summary(console: Console, diagnosis: Diagnosis) -> None:
         console.print(in_words(diagnosis.presses_differ), highlight=False)
     if not diagnosis.claims:
         return
-    table = Table()
-    table.add_column("effect", overflow="fold", min_width=24)
-    for head in ("confidence", "misfit it makes", "parameters (90 %)"):
+    table = Table(box=box.SIMPLE_HEAD)
+    for head in ("effect", "confidence", "misfit it makes", "parameters (90 %)"):
         table.add_column(head, overflow="fold")
     for claim, name in gathered(diagnosis.claims):
-        words = ", ".join(
+        words = "\n".join(
             f"{k} {e.value:.4g} [{e.low:.4g}, {e.high:.4g}]{of_unit(e.unit)}" for k, e in claim.parameters.items()
         )
         table.add_row(name, f"{claim.confidence:.2f}", f"{claim.ratio_alone:.3g}", words)

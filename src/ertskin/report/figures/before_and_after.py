@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 from ertskin.report.figures.style import BLUE, FAINT, panels, styled
 
 Array = NDArray[np.float64]
+LEAST = 0.01
+"""In millimetres or newton: where every answer is a taxel's centre what is left is rounding, and would set the axis."""
 
 
 @styled
@@ -17,13 +19,12 @@ def before_and_after(names: list[str], labels: list[str], values: Array) -> Figu
     figure, axes = panels(len(names), width=4.6, height=0.3 * len(labels) + 1.0)
     place = np.arange(len(labels))[::-1]
     for number, (axis, name) in enumerate(zip(axes, names, strict=True)):
-        before, after = values[number]
+        before, after = np.maximum(values[number], LEAST)
         for y, low, high in zip(place, before, after, strict=True):
             axis.plot([low, high], [y, y], lw=1.2, color=BLUE)
         axis.plot(before, place, "o", ms=6, color=BLUE, fillstyle="none", label="without")
         axis.plot(after, place, "o", ms=6, color=BLUE, label="with")
-        if np.nanmin(values[number]) > 0:
-            axis.set_xscale("log")
+        axis.set_xscale("log")
         axis.set_yticks(place, labels if number == 0 else [""] * len(labels))
         axis.grid(axis="y", color=FAINT, lw=0.4)
         axis.set(title=name, xlabel="error, in the unit of its line")

@@ -51,7 +51,7 @@ def error_by_force(outcome: ContactOutcome) -> Figure:
         force.plot(at, outcome.force_error_n[rows], ".", color=colour)
     place.set(xlabel="true force / N", ylabel="location error / mm")
     force.set(xlabel="true force / N", ylabel="force error / N")
-    place.legend()
+    figure.legend(loc="outside upper center", ncols=4)
     return figure
 
 
@@ -69,5 +69,5 @@ def error_by_distance(outcome: ContactOutcome) -> Figure:
         axes.semilogy(apart[rows & right], error[rows & right], ".", color=colour, label=f"{number} contacts")
         axes.semilogy(apart[rows & ~right], error[rows & ~right], "x", color=colour)
     axes.set(xlabel="least distance of two contacts / mm", ylabel="location error / mm")
-    axes.legend(title="crosses: wrong number")
+    axes.legend(title="crosses: wrong number", loc="upper left", bbox_to_anchor=(1.0, 1.0))
     return figure

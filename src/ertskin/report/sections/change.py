@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ertskin.evaluation.results import MethodResult, metric_names
-from ertskin.report.figures.before_and_after import before_and_after
+from ertskin.report.figures.before_and_after import LEAST, before_and_after
 from ertskin.report.page import Picture, Row, Section, Table
 from ertskin.report.units import METRICS
 
@@ -18,8 +18,8 @@ WORDS = (
 CAPTION = "Each cell: without the effects named → with them; means over the seeds."
 DRAWN = ("location_error_mm", "force_rmse_one_n", "force_error_two_n")
 """Errors on the taxels that are drawn."""
-ERRORS = ("location_error_mm_", "force_error_n_")
-"""And those of contacts anywhere, by their number."""
+DRAWN_BY_NUMBER = ("location_error_mm_", "force_error_n_")
+"""And those of contacts anywhere, by how many there are."""
 
 
 def change(methods: Sequence[MethodResult], pairs: Sequence[tuple[str, str]]) -> Section | None:
@@ -29,15 +29,16 @@ def change(methods: Sequence[MethodResult], pairs: Sequence[tuple[str, str]]) ->
     if not found:
         return None
     table = Table(("metric", *(before.name for before, _ in found)), tuple(_rows(found)), CAPTION)
-    errors = [
-        name for name in metric_names(methods) if name in DRAWN or name.startswith(("location_error", "force_error"))
-    ]
+    errors = [name for name in metric_names(methods) if name in DRAWN or name.startswith(DRAWN_BY_NUMBER)]
     drawn = before_and_after(
         [before.name for before, _ in found],
         [METRICS[name].label for name in errors],
         np.array([[[_mean(side, name) for name in errors] for side in pair] for pair in found]),
     )
-    caption = "Errors without the effects named (hollow) and with them (filled); to the left is better."
+    caption = (
+        "Errors without the effects named (hollow) and with them (filled); to the left is better. "
+        f"Less than {LEAST:g} is drawn as {LEAST:g}."
+    )
     return Section(
         "What that changed for the networks",
         (WORDS,),
