@@ -1,31 +1,28 @@
 """A specimen alone: what its first presses show of the fabric, and how well that predicts the last.
 
 The law's shape is free: it is the specimen's calibration. What is named is memory: hysteresis, creep, or both, when
-presses that no fit has seen are predicted better with it.
+presses that no fit has seen are predicted better with it. Presses that differ from one another are said to: then memory
+is judged with each press felt as strongly as its own rise tells.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
 from ertskin.diagnosis.contract.claims import Claim, Diagnosis, Estimate, HeldOut, confidences, verdict_of
 from ertskin.diagnosis.judge.result import Findings
-from ertskin.diagnosis.specimen.fit import SpecimenFinding, SpecimenTest, specimen_findings
+from ertskin.diagnosis.specimen.fit import SpecimenFinding, specimen_findings
+from ertskin.diagnosis.specimen.logarithmic import LogarithmicTest
+from ertskin.diagnosis.specimen.presses import Presses, presses
 from ertskin.hardware.measurement import Specimen
 from ertskin.physics.effects.effect import PiezoEffect
-from ertskin.physics.effects.piezo_chain import felt
 
 Array = NDArray[np.float64]
 
-LAW_ORDER = 7
-SMALLEST = 1e-3
-"""Pressure over the largest, below which a specimen lies in the air."""
 FITTED = 5 / 8
 """Part of the presses that are fitted, ten of sixteen; the others are held out."""
 FEWEST_PRESSES = 3
@@ -37,29 +34,7 @@ BETTER = 1.1
 MOST_READINGS = 1500
 """Readings that a fit is given, evenly chosen; more of a smooth press say the same."""
 SPLIT = "the last presses, fitted on the first five eighths of them"
-
-
-@dataclass(frozen=True, eq=False)
-class LogarithmicTest(SpecimenTest):
-    """A test whose resistance spans decades: the law's logarithm is free in the pressure's, from ``SMALLEST`` on.
-
-    ``fitted`` (N,): the readings that the law is fitted to.
-    """
-
-    fitted: NDArray[np.bool_]
-
-    def errors(self, effects: Sequence[PiezoEffect]) -> Array:
-        """(N,) relative errors of all readings with these effects."""
-        pressure, factor = felt(effects, self.stress_pa[:, None], np.zeros((1, 2)), self.time_s, np.zeros((2, 2)))
-        coordinate = np.log1p(np.maximum(pressure[:, 0], 0.0) / (SMALLEST * self.stress_pa.max()))
-        design = chebyshev.chebvander(2 * coordinate / coordinate.max() - 1, LAW_ORDER)
-        target = np.log(self.resistance_ohm_sq) - np.log(np.ravel(factor))
-        law = np.linalg.lstsq(design[self.fitted], target[self.fitted], rcond=None)[0]
-        return np.asarray(design @ law - target)
-
-    def residual(self, effects: Sequence[PiezoEffect]) -> Array:
-        """(n,) those of the readings fitted."""
-        return self.errors(effects)[self.fitted]
+SPLIT_RISEN = f"{SPLIT}; of each, what follows the rise that tells how strongly it is felt"
 
 
 def diagnose_specimen(specimen: Specimen, name: str) -> Findings:
@@ -68,29 +43,39 @@ def diagnose_specimen(specimen: Specimen, name: str) -> Findings:
     if reason:
         held = HeldOut("none", None, None, None, None)
         return Findings(Diagnosis(name, "cannot_tell", held, reason=reason))
-    test = _thinned(specimen)
+    test, press = _thinned(specimen)
     noise = _noise(specimen.sheet_resistance_ohm_sq)
-    found, _ = specimen_findings(test)
+    each = presses(test, press)
+    judged, rows = (each.scaled, each.ahead) if each.differ else (test, ~test.fitted)
+    found, _ = specimen_findings(judged)
     effects = [finding.effect for finding in found]
-    static = _ahead(test, ())
-    kinds = {effect.name: _ahead(test, (effect,)) for effect in effects}
-    together = _ahead(test, effects) if effects else static
-    needed = [f for f in found if _ahead(test, [e for e in effects if e is not f.effect]) > BETTER * together]
-    before, after = static / noise, (_ahead(test, [f.effect for f in needed]) if needed else static) / noise
-    claims = tuple(_claim(f, kinds[f.effect.name] / noise, before / max(after, 1e-12)) for f in needed)
-    return Findings(
-        Diagnosis(
-            name,
-            verdict_of(before, after, bool(claims), other_mismatch=False),
-            HeldOut(SPLIT, None, before, after, None),
-            stage="piezoresistance" if before > 1 else None,
-            depends_on=("history",) if before > 1 else (),
-            claims=claims,
-            unexplained_ratio=after,
-            unexplained_depends_on=("history",) if after > 1 else (),
-            reason=_reason(static, kinds, together, noise, bool(claims)),
-            extra={"specimen_held_out": {"static": static, **kinds, "together": together, "noise": noise}},
-        )
+    static = _ahead(judged, (), rows)
+    kinds = {effect.name: _ahead(judged, (effect,), rows) for effect in effects}
+    together = _ahead(judged, effects, rows) if effects else static
+    needed = [f for f in found if _ahead(judged, [e for e in effects if e is not f.effect], rows) > BETTER * together]
+    left = _ahead(judged, [f.effect for f in needed], rows) if needed else static
+    claims = tuple(_claim(f, kinds[f.effect.name] / noise, static / max(left, 1e-12)) for f in needed)
+    errors = {"static": static, **kinds, "together": together, "noise": noise}
+    return Findings(_answer(name, each, errors, left, claims))
+
+
+def _answer(name: str, each: Presses, errors: dict[str, float], left: float, claims: tuple[Claim, ...]) -> Diagnosis:
+    """The diagnosis from the relative ``errors`` held out and what the claims leave of them."""
+    noise = errors["noise"]
+    before = (each.alike if each.differ else errors["static"]) / noise
+    after = left / noise if claims else before
+    axes = (*(("press",) if each.differ else ()), *(("history",) if claims or not each.differ else ()))
+    return Diagnosis(
+        name,
+        verdict_of(before, after, bool(claims), other_mismatch=False),
+        HeldOut(SPLIT_RISEN if each.differ else SPLIT, None, before, after, None),
+        stage="piezoresistance" if before > 1 else None,
+        depends_on=axes if before > 1 else (),
+        claims=claims,
+        unexplained_ratio=after,
+        unexplained_depends_on=axes if after > 1 else (),
+        reason=_reason(errors, each, bool(claims)),
+        extra={"specimen_held_out": errors, "presses": each.plain()},
     )
 
 
@@ -111,20 +96,21 @@ def _unusable(specimen: Specimen) -> str | None:
     return None
 
 
-def _thinned(specimen: Specimen) -> LogarithmicTest:
-    """The test with no more readings than a fit needs, to be fitted on its first presses."""
+def _thinned(specimen: Specimen) -> tuple[LogarithmicTest, NDArray[np.intp]]:
+    """The test with no more readings than a fit needs, to be fitted on its first presses; and each reading's press."""
     step = max(1, len(specimen.stress_pa) // MOST_READINGS)
     order = np.argsort(specimen.time_s, kind="stable")[::step]
     cycles = np.unique(specimen.cycle)
     last = cycles[max(1, round(FITTED * len(cycles))) - 1]
     stress = np.maximum(np.asarray(specimen.stress_pa, dtype=float)[order], 0.0)
     resistance = np.asarray(specimen.sheet_resistance_ohm_sq, dtype=float)[order]
-    return LogarithmicTest(stress, resistance, specimen.time_s[order], specimen.cycle[order] <= last)
+    press = np.asarray(specimen.cycle)[order]
+    return LogarithmicTest(stress, resistance, specimen.time_s[order], press <= last), press
 
 
-def _ahead(test: LogarithmicTest, effects: Sequence[PiezoEffect]) -> float:
-    """Relative rms error on the presses held out, with these effects and the law of the first presses."""
-    return float(np.sqrt(np.mean(test.errors(effects)[~test.fitted] ** 2)))
+def _ahead(test: LogarithmicTest, effects: Sequence[PiezoEffect], rows: NDArray[np.bool_]) -> float:
+    """Relative rms error on ``rows`` (N,), with these effects and the law of the first presses."""
+    return float(np.sqrt(np.mean(test.errors(effects)[rows] ** 2)))
 
 
 def _noise(resistance: Array) -> float:
@@ -145,8 +131,17 @@ def _claim(finding: SpecimenFinding, ratio: float, gain: float) -> Claim:
     return Claim(finding.effect, confidence * (1 - 1 / gain), ratio, estimates, alternatives)
 
 
-def _reason(static: float, kinds: dict[str, float], together: float, noise: float, named: bool) -> str:
+def _reason(errors: dict[str, float], each: Presses, named: bool) -> str:
+    kinds = {kind: error for kind, error in errors.items() if kind not in ("static", "together", "noise")}
     tried = "".join(f", {kind} {100 * error:.2g} %" for kind, error in kinds.items())
-    both = f", all of these {100 * together:.2g} %" if len(kinds) > 1 else ""
-    said = f"held out, a static law errs by {100 * static:.2g} %{tried}{both}; a reading's noise is {100 * noise:.2g} %"
+    both = f", all of these {100 * errors['together']:.2g} %" if len(kinds) > 1 else ""
+    static, noise = 100 * errors["static"], 100 * errors["noise"]
+    differ = ""
+    if each.differ:
+        differ = (
+            f"presses differ: each is felt more or less strongly, by a factor of {np.exp(each.spread):.2g} (rms), as "
+            "presses of other places are, or contacts made anew; a static law for all alike errs by "
+            f"{100 * each.alike:.2g} % after their rise; with each press's own factor, told by its rise: "
+        )
+    said = f"{differ}held out, a static law errs by {static:.2g} %{tried}{both}; a reading's noise is {noise:.2g} %"
     return said if named else f"{said}; no memory predicts presses held out better"

@@ -50,3 +50,35 @@ def test_too_little_says_what_is_missing():
         found = diagnosed(one)
         assert found.verdict == "cannot_tell"
         assert word in found.reason
+
+
+def uneven(width: float) -> tuple[Specimen, np.ndarray]:
+    """The same film, every press felt by a factor of its own."""
+    made = specimen(0.0)
+    factor = np.exp(0.5 * np.random.default_rng(5).standard_normal(PRESSES))
+    stress = made.stress_pa * factor[made.cycle]
+    felt = PiezoHysteresis(width).effective_pressure_pa(
+        stress[:, None], np.zeros((1, 2)), made.time_s, np.zeros((2, 2))
+    )
+    noise = 1 + 0.005 * np.random.default_rng(1).standard_normal(len(stress))
+    return replace(made, sheet_resistance_ohm_sq=2e4 / (1 + felt[:, 0] / 4e3) * noise), factor
+
+
+def test_presses_that_differ_are_said_to_and_no_memory_is_named_for_it():
+    made, factor = uneven(0.0)
+    found = diagnosed(made).plain()
+    assert (found["verdict"], found["where"]["depends_on"], found["effects"]) == ("unexplained", ["press"], [])
+    assert "presses differ" in found["reason"]
+    felt = np.array(list(found["presses"]["felt"].values()))
+    assert np.std(np.log(felt / factor)) < 0.05
+
+
+def test_memory_is_named_among_presses_that_differ():
+    found = diagnosed(uneven(0.15)[0])
+    assert [claim.effect.name for claim in found.claims] == ["piezo_hysteresis"]
+    assert found.depends_on == ("press", "history")
+
+
+def test_presses_that_are_alike_are_not_said_to_differ():
+    for width in (0.0, 0.12):
+        assert diagnosed(specimen(width)).extra["presses"]["differ"] is False
