@@ -7,6 +7,7 @@ from typing import ClassVar
 
 from ertskin.physics.effects.effect import AcquisitionEffect, Array, Start, parameter
 from ertskin.physics.effects.hypothesis import Axis, Hypothesis, Measured, Need, Signal
+from ertskin.physics.effects.standard import Standard
 from ertskin.physics.protocol import Protocol
 from ertskin.physics.sensor import Sensor
 
@@ -31,6 +32,10 @@ class ChannelGain(AcquisitionEffect):
         offset_v = self.offset_v * protocol.taken[:, self.channel]
         voltage[..., self.channel] = (1 + self.gain) * voltage[..., self.channel] + offset_v
         return voltage
+
+    def quantities(self, standard: Standard) -> dict[str, float]:
+        """The gain, less one."""
+        return {"gain_less_one": self.gain}
 
     @classmethod
     def reading_starts(cls, sensor: Sensor, protocol: Protocol) -> tuple[Start, ...]:

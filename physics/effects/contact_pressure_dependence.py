@@ -9,6 +9,7 @@ import numpy as np
 
 from ertskin.physics.effects.effect import Array, ElectrodeEffect, Start, parameter
 from ertskin.physics.effects.hypothesis import Axis, Hypothesis, Need, Signal
+from ertskin.physics.effects.standard import Standard
 from ertskin.physics.protocol import Protocol
 from ertskin.physics.sensor import Sensor
 
@@ -40,6 +41,12 @@ class ContactPressureDependence(ElectrodeEffect):
         pressed = np.exp(-load) if self.bend < STRAIGHT else (1 + self.bend * load) ** (-1 / self.bend)
         kept = self.fixed_share + (1 - self.fixed_share) * pressed
         return np.asarray(np.maximum(resistance_ohm * kept, np.minimum(resistance_ohm, LEAST_OHM)))
+
+    def quantities(self, standard: Standard) -> dict[str, float]:
+        """Contact conductance at half the specimen's stress over that at rest, less one."""
+        large = np.full((1, 1), 1e6)
+        pressed = self.contact_resistance_ohm(large, np.full((1, 1), 0.5 * standard.largest_pa), np.zeros(1))
+        return {"gain_at_half_span": float((large / pressed)[0, 0] - 1)}
 
     @classmethod
     def reading_starts(cls, sensor: Sensor, protocol: Protocol) -> tuple[Start, ...]:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ertskin.physics.effects.effect import AcquisitionEffect, Array, Start, parameter
 from ertskin.physics.effects.hypothesis import Axis, Hypothesis, Need, Signal
+from ertskin.physics.effects.standard import Standard
 from ertskin.physics.protocol import Protocol
 from ertskin.physics.sensor import Sensor
 
@@ -52,6 +53,10 @@ class Crosstalk(AcquisitionEffect):
         mixed = voltage_v.copy()
         mixed[..., columns] += self.fraction * (previous - voltage_v)[..., columns]
         return mixed
+
+    def quantities(self, standard: Standard) -> dict[str, float]:
+        """What is kept of the reading before, where all channels do."""
+        return {"share_kept": self.fraction} if self.channel < 0 else {}
 
     @classmethod
     def reading_starts(cls, sensor: Sensor, protocol: Protocol) -> tuple[Start, ...]:

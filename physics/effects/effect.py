@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from enum import StrEnum
-from typing import Any, ClassVar, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,9 @@ from ertskin.physics.effects.hypothesis import Hypothesis, Signal
 from ertskin.physics.history import History
 from ertskin.physics.protocol import Protocol
 from ertskin.physics.sensor import Sensor
+
+if TYPE_CHECKING:
+    from ertskin.physics.effects.standard import Standard
 
 Array = NDArray[np.float64]
 
@@ -98,6 +101,14 @@ class Effect:
     @property
     def place(self) -> tuple[tuple[float, float], float] | None:
         """Middle and radius in metre of where on the sheet it is, None where that is nowhere in particular."""
+        return None
+
+    def quantities(self, standard: Standard) -> dict[str, float]:
+        """What the effect does under stated conditions, by names that mean the same in any form of it."""
+        return {}
+
+    def map_at(self, position_m: Array, extent_m: Array) -> Array | None:
+        """(N,) the property's field at positions (N,2) of a sheet in the box ``extent_m`` (2,2), where it has one."""
         return None
 
     @classmethod

@@ -10,6 +10,7 @@ from numba import njit
 
 from ertskin.physics.effects.effect import Array, FoamEffect, Start, Strokes, parameter
 from ertskin.physics.effects.hypothesis import Axis, Hypothesis, Need, Signal
+from ertskin.physics.effects.standard import STEPS, Standard
 
 _CONTACT = 1e-12
 
@@ -45,6 +46,14 @@ class FoamHysteresis(FoamEffect):
         goes_on[1:] &= strokes.touched[:-1] & (strokes.place[1:] == strokes.place[:-1])
         goes_on[:1] = False
         return force_n * (1 + self.loss * _stop(np.log(np.maximum(drive, _CONTACT)), goes_on, 2 / self.reversal))
+
+    def quantities(self, standard: Standard) -> dict[str, float]:
+        """Work lost over work put in, down to the deepest press and back."""
+        share = np.concatenate([np.linspace(0, 1, STEPS), np.linspace(1, 0, STEPS)[1:]])
+        strokes = standard.sunk(share, np.arange(len(share), dtype=float))
+        force = self.reaction_n(strokes.elastic_n, strokes)
+        lost = np.trapezoid(force, strokes.sink_m)
+        return {"loss_share": float(lost / np.trapezoid(force[:STEPS], strokes.sink_m[:STEPS]))}
 
     @classmethod
     def force_starts(cls) -> tuple[Start, ...]:

@@ -9,6 +9,7 @@ import numpy as np
 
 from ertskin.physics.effects.effect import Array, FoamEffect, Start, Strokes, parameter
 from ertskin.physics.effects.hypothesis import Axis, Hypothesis, Need, Signal
+from ertskin.physics.effects.standard import Standard
 
 NEWTON_STEPS = 8
 """From the whole force downwards on a convex curve: more than rounding needs."""
@@ -48,6 +49,12 @@ class NonlinearFoam(FoamEffect):
             wrong = linear * (1 + added) - np.nan_to_num(force_n)
             linear = np.maximum(linear - wrong / np.maximum(1 + (1 + self.exponent) * added, 0.1), 0.0)
         return force_n - self.carried * (force_n - linear)
+
+    def quantities(self, standard: Standard) -> dict[str, float]:
+        """Force over linear force, less one, sunk as far as the deepest press."""
+        strokes = standard.sunk(np.ones(1), np.zeros(1))
+        force = self.reaction_n(strokes.elastic_n, strokes)
+        return {"stiffening_at_deepest": float(force[0] / strokes.elastic_n[0] - 1)}
 
     @classmethod
     def force_starts(cls) -> tuple[Start, ...]:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from ertskin.physics.effects.effect import Array, PiezoEffect, Start, parameter
 from ertskin.physics.effects.exponential_memory import lagging, moves_within_s
 from ertskin.physics.effects.hypothesis import Axis, Hypothesis, Need, Signal
+from ertskin.physics.effects.standard import Standard
 from ertskin.physics.protocol import Protocol
 from ertskin.physics.sensor import Sensor
 
@@ -96,6 +97,18 @@ class PiezoCreep(PiezoEffect):
         # Where more than everything would have crept away a little is left.
         least = LEAST_LEFT**self.power if self.power > 0 else 0.0
         return np.maximum(1.0 - self.power * crept, least) ** (1 / self.power)
+
+    def quantities(self, standard: Standard) -> dict[str, float]:
+        """Growth of the log conductance in 10 s of hold at half the specimen's stress after a rise of 2 s, over what
+        the law without creep gains."""
+        rise_s, hold_s = 2.0, 10.0
+        time_s, pressure = standard.hold(0.5, rise_s, hold_s)
+        asked = (pressure[:, None], np.zeros((1, 2)), time_s, standard.extent_m)
+        felt, factor = self.effective_pressure_pa(*asked), np.log(self.resistance_factor(*asked))
+        log = np.log(standard.resistance(felt[:, 0])) + np.ravel(factor)
+        static = np.log(standard.resistance(np.array([0.0, pressure[-1]])))
+        risen = int(np.searchsorted(time_s, rise_s))
+        return {"share_crept": float((log[risen] - log[-1]) / (static[0] - static[1]))}
 
     def _closed(self, pressure_pa: Array) -> Array:
         """(T,N) share of the gaps that close under a pressure."""

@@ -10,6 +10,7 @@ from numba import njit
 
 from ertskin.physics.effects.effect import Array, PiezoEffect, Start, parameter
 from ertskin.physics.effects.hypothesis import Axis, Hypothesis, Need, Signal
+from ertskin.physics.effects.standard import Standard
 from ertskin.physics.protocol import Protocol
 from ertskin.physics.sensor import Sensor
 
@@ -41,6 +42,14 @@ class PiezoHysteresis(PiezoEffect):
         shares = np.exp(self.spread * EIGHTHS)
         parts = np.tanh(np.arctanh(self.width) * shares / shares.mean())
         return sum((_play(pressure_pa, w) for w in parts), np.zeros_like(pressure_pa)) / len(parts)
+
+    def quantities(self, standard: Standard) -> dict[str, float]:
+        """Widest gap between the branches of a cycle to 0.8 of the specimen's stress, over the span of resistance."""
+        pressure = standard.cycle_pa(0.8)[:, None]
+        time_s = np.arange(len(pressure), dtype=float)
+        felt = self.effective_pressure_pa(pressure, np.zeros((1, 2)), time_s, standard.extent_m)
+        resistance = standard.resistance(felt[:, 0])
+        return {"loop_width": float(np.abs(resistance - resistance[::-1]).max() / np.ptp(resistance))}
 
     @classmethod
     def specimen_starts(cls) -> tuple[Start, ...]:

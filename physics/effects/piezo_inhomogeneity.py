@@ -10,6 +10,7 @@ import numpy as np
 from ertskin.physics.effects.effect import Array, PiezoEffect, Start, parameter
 from ertskin.physics.effects.hypothesis import Axis, Hypothesis, Need, Signal
 from ertskin.physics.effects.smooth_field import Nodes, field_at, spots_over
+from ertskin.physics.effects.standard import Standard
 from ertskin.physics.protocol import Protocol
 from ertskin.physics.sensor import Sensor
 
@@ -49,6 +50,16 @@ class PiezoInhomogeneity(PiezoEffect):
 
     def effective_pressure_pa(self, pressure_pa: Array, position_m: Array, time_s: Array, extent_m: Array) -> Array:
         return pressure_pa * np.exp(self.log_sensitivity(position_m, extent_m))
+
+    def map_at(self, position_m: Array, extent_m: Array) -> Array:
+        """(N,) the logarithm of the sensitivity."""
+        return self.log_sensitivity(position_m, extent_m)
+
+    def quantities(self, standard: Standard) -> dict[str, float]:
+        """Standard deviation of the logarithm over the sensing points."""
+        if not len(standard.point_m):
+            return {}
+        return {"log_spread": float(np.std(self.log_sensitivity(standard.point_m, standard.extent_m)))}
 
     @property
     def place(self) -> tuple[tuple[float, float], float] | None:

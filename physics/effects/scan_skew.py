@@ -9,6 +9,7 @@ import numpy as np
 
 from ertskin.physics.effects.effect import Array, MotionEffect, Start, parameter
 from ertskin.physics.effects.hypothesis import Axis, Hypothesis, Need, Signal
+from ertskin.physics.effects.standard import Standard
 from ertskin.physics.history import History, Phase
 from ertskin.physics.protocol import Protocol
 from ertskin.physics.sensor import Sensor
@@ -58,6 +59,10 @@ class ScanSkew(MotionEffect):
         speed = cls.parameters()["speed_m_per_s"].typical
         free = ("speed_m_per_s", "at_s")
         return tuple(Start(cls(speed, at_s), free, ("speed_m_per_s",)) for at_s in (0.0, 0.5 * last_s, last_s))
+
+    def quantities(self, standard: Standard) -> dict[str, float]:
+        """Part of the way to the next depth that is made while a scan is taken."""
+        return {"share_of_step_in_scan": min(self.speed_m_per_s * standard.scan_s / standard.step_m, 1.0)}
 
     def freer(self, free: tuple[str, ...]) -> tuple[Start, ...]:
         if "ease" in free:

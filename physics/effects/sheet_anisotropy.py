@@ -9,6 +9,7 @@ import numpy as np
 
 from ertskin.physics.effects.effect import Array, SheetEffect, Start, parameter
 from ertskin.physics.effects.hypothesis import Axis, Hypothesis, Signal
+from ertskin.physics.effects.standard import Standard
 from ertskin.physics.protocol import Protocol
 from ertskin.physics.sensor import Sensor
 
@@ -39,6 +40,10 @@ class SheetAnisotropy(SheetEffect):
     def angle_rad(self) -> float:
         """Direction of the better axis against x."""
         return float(0.5 * np.arctan2(self.stretch_diagonal, self.stretch_x))
+
+    def quantities(self, standard: Standard) -> dict[str, float]:
+        """Conductance along the better axis over that across it."""
+        return {"conductance_ratio": self.ratio}
 
     def tensor(self) -> Array:
         """(3,) [xx, xy, yy] of the conductance tensor with unit determinant."""

@@ -10,6 +10,7 @@ import numpy as np
 from ertskin.physics.effects.effect import Array, SheetEffect, Start, parameter
 from ertskin.physics.effects.hypothesis import Axis, Hypothesis, Signal
 from ertskin.physics.effects.smooth_field import Nodes, field_at, spots_over
+from ertskin.physics.effects.standard import Standard
 from ertskin.physics.protocol import Protocol
 from ertskin.physics.sensor import Sensor
 
@@ -43,6 +44,16 @@ class SheetInhomogeneity(SheetEffect):
         factor = np.exp(-self.log_resistance(position_m, extent_m))
         tensor = conductivity_s.shape[-1] == 3 and conductivity_s.shape[-2] == len(position_m)
         return conductivity_s * (factor[:, None] if tensor else factor)
+
+    def map_at(self, position_m: Array, extent_m: Array) -> Array:
+        """(N,) the logarithm of the resistance."""
+        return self.log_resistance(position_m, extent_m)
+
+    def quantities(self, standard: Standard) -> dict[str, float]:
+        """Standard deviation of the logarithm over the sensing points."""
+        if not len(standard.point_m):
+            return {}
+        return {"log_spread": float(np.std(self.log_resistance(standard.point_m, standard.extent_m)))}
 
     @property
     def place(self) -> tuple[tuple[float, float], float] | None:

@@ -9,6 +9,7 @@ import numpy as np
 
 from ertskin.physics.effects.effect import Array, SheetEffect, Start, parameter
 from ertskin.physics.effects.hypothesis import Axis, Hypothesis, Need, Signal
+from ertskin.physics.effects.standard import Standard
 from ertskin.physics.protocol import Protocol
 from ertskin.physics.sensor import Sensor
 
@@ -34,6 +35,10 @@ class TemperatureDrift(SheetEffect):
         hours = time_s / 3600.0
         settled = -self.settle_h * np.expm1(-hours / self.settle_h)
         return np.asarray(np.exp(self.rate_per_h * settled + self.bend_per_h2 * hours**2))
+
+    def quantities(self, standard: Standard) -> dict[str, float]:
+        """Log conductance of the sheet gained 300 s after the recording's start."""
+        return {"log_change_300_s": float(-np.log(self.drift(np.array([300.0]))[0]))}
 
     @classmethod
     def reading_starts(cls, sensor: Sensor, protocol: Protocol) -> tuple[Start, ...]:

@@ -10,6 +10,7 @@ import numpy as np
 from ertskin.physics.effects.effect import Array, FoamEffect, Start, Strokes, parameter
 from ertskin.physics.effects.exponential_memory import relaxing
 from ertskin.physics.effects.hypothesis import Axis, Hypothesis, Need, Signal
+from ertskin.physics.effects.standard import Standard
 
 
 @dataclass(frozen=True)
@@ -46,6 +47,12 @@ class ViscoelasticFoam(FoamEffect):
             if fraction > 0:
                 force += fraction * relaxing(force_n, strokes.time_s, time_s, air)
         return np.maximum(force, 0.0)
+
+    def quantities(self, standard: Standard) -> dict[str, float]:
+        """What of the force of a step is lost 10 s after it."""
+        strokes = standard.sunk(np.ones(2), np.array([0.0, 10.0]))
+        step, later = self.reaction_n(strokes.elastic_n, strokes)
+        return {"share_relaxed": float(1 - later / step)}
 
     @classmethod
     def force_starts(cls) -> tuple[Start, ...]:

@@ -64,7 +64,11 @@ def main() -> None:
     results["chosen weight"] = [one[OURS].weight for one in maps.values()]
     write_whole(out / "results.json", json.dumps(results, indent=1) + "\n")
     errors = electrode_errors(protocol, voltage[0])
-    left = electrode_errors(protocol, corrected(protocol, voltage[0], errors.named[0])) if errors.named else None
+    left = (
+        electrode_errors(protocol, corrected(protocol, voltage[0], errors.weights(protocol)[0]))
+        if errors.named
+        else None
+    )
     save_png(electrode_figure(errors, left), out / "electrodes.png")
     save_png(maps_figure(recording.sensor, maps, truths), out / "maps.png")
     save_png(curve_figure(results["path"], results["chosen weight"]), out / "curve.png")
@@ -78,8 +82,8 @@ def electrodes(protocol: Protocol, voltage_v: Array) -> dict[str, Any]:
     for scan in voltage_v:
         errors = electrode_errors(protocol, scan)
         mended = scan
-        for electrode in errors.named:
-            mended = corrected(protocol, mended, electrode)
+        for weight in errors.weights(protocol):
+            mended = corrected(protocol, mended, weight)
         found["frames"].append(
             {
                 "named": errors.named,
@@ -90,7 +94,7 @@ def electrodes(protocol: Protocol, voltage_v: Array) -> dict[str, Any]:
                 "ratio_after": rms_v(protocol, mended) / noise,
                 "unexplained_v": rms_v(protocol, scan),
                 "unexplained_beside_offsets_v": beside_offsets_v(protocol, scan),
-                "columns": [vars(c) for e in errors.named for c in column_errors(protocol, scan, e)],
+                "columns": [vars(c) for w in errors.weights(protocol) for c in column_errors(protocol, scan, w)],
             }
         )
     return found

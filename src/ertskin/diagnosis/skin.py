@@ -13,6 +13,7 @@ from ertskin.diagnosis.design.doubtful_claim import settling_press
 from ertskin.diagnosis.fit.joint_fit import Solved, Term, VoltageProblem
 from ertskin.diagnosis.judge.answer import answered
 from ertskin.diagnosis.judge.held_out import Predictions, predictions, ratio, unspoilt
+from ertskin.diagnosis.judge.quantities import with_quantities
 from ertskin.diagnosis.judge.remainder import remainder
 from ertskin.diagnosis.judge.repeatability import Repeatability, repeatability
 from ertskin.diagnosis.judge.result import Findings
@@ -70,7 +71,7 @@ def _diagnose(recording: Recording, name: str, report: Report, resolution: str, 
     selection, found = unspoilt(evidence, baseline, selection, family, found)
     skin = family.skin(selection.after.calibration, selection.after.effects)
     differ = _presses_that_differ(selection, skin) if found.ratio_after > MATERIAL_RATIO else None
-    findings = answered(name, evidence, baseline, selection, found, differ)
+    findings = with_quantities(answered(name, evidence, baseline, selection, found, differ), family)
     if (findings.diagnosis.unexplained_ratio or 0.0) > MATERIAL_RATIO:
         report(0.9, "predicting what no name explains")
         findings = _with_remainder(findings, selection, found)

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ertskin.diagnosis.judge.repeatability import Repeatability
 from ertskin.physics.effects.effect import Effect, Parameter
@@ -28,6 +29,22 @@ class Estimate:
     low: float
     high: float
     unit: str
+
+    def plain(self) -> dict[str, Any]:
+        """As ``diagnosis.json`` wants it."""
+        return {"value": self.value, "low": self.low, "high": self.high, "unit": self.unit, "level": LEVEL}
+
+
+@dataclass(frozen=True, eq=False)
+class FieldMap:
+    """The values (n,) of an effect's field at points (n,2) in metre."""
+
+    point_m: NDArray[np.float64]
+    value: NDArray[np.float64]
+
+    def plain(self) -> dict[str, Any]:
+        """As ``diagnosis.json`` wants it."""
+        return {"point_m": np.round(self.point_m, 6).tolist(), "value": np.round(self.value, 5).tolist()}
 
 
 @dataclass(frozen=True)
@@ -70,6 +87,8 @@ class Claim:
     """One named effect. ``ratio_alone``: rms over noise that it by itself would make, held out.
 
     ``rivals``: what else was fitted in its stead; ``reasons`` for the confidence, in the order in which they count.
+    ``quantities`` mean the same in any form of the effect; ``field_map`` is of an effect that has a
+    field.
     """
 
     effect: Effect
@@ -79,6 +98,8 @@ class Claim:
     alternatives: tuple[tuple[str, float], ...] = ()
     rivals: tuple[Rival, ...] = ()
     reasons: tuple[Reason, ...] = ()
+    quantities: dict[str, Estimate] = field(default_factory=dict)
+    field_map: FieldMap | None = None
 
     def plain(self) -> dict[str, Any]:
         """As ``diagnosis.json`` wants it."""
@@ -86,10 +107,7 @@ class Claim:
             "name": self.effect.name,
             "confidence": round(self.confidence, 3),
             "ratio_alone": round(self.ratio_alone, 4),
-            "parameters": {
-                key: {"value": e.value, "low": e.low, "high": e.high, "unit": e.unit, "level": LEVEL}
-                for key, e in self.parameters.items()
-            }
+            "parameters": {key: e.plain() for key, e in self.parameters.items()}
             | {
                 key: {"value": value, "low": value, "high": value, "unit": "1", "level": LEVEL}
                 for key, value in self.effect.settings().items()
@@ -97,6 +115,8 @@ class Claim:
             },
             "alternatives": [{"name": n, "confidence": round(c, 3)} for n, c in self.alternatives],
             "reasons": [reason.plain() for reason in self.reasons],
+            "quantities": {key: e.plain() for key, e in self.quantities.items()},
+            "map": None if self.field_map is None else self.field_map.plain(),
         }
 
 

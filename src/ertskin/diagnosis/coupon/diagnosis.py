@@ -27,11 +27,13 @@ from ertskin.diagnosis.coupon.compression import Compression, prepared
 from ertskin.diagnosis.coupon.figures import coupon_figure
 from ertskin.diagnosis.coupon.fit import CouponModel, elastic_model, fit_coupon, memory, rmse_n
 from ertskin.diagnosis.judge.partial_result import DrawnFindings
+from ertskin.diagnosis.judge.quantities import Spread, stated
 from ertskin.diagnosis.judge.result import Findings
 from ertskin.hardware.measurement import Coupon
 from ertskin.physics.effects.effect import FoamEffect, Start
 from ertskin.physics.effects.hypothesis import Signal
 from ertskin.physics.effects.registry import effects_shown_by
+from ertskin.physics.effects.standard import Standard
 
 Array = NDArray[np.float64]
 Rows = NDArray[np.bool_]
@@ -172,7 +174,9 @@ def _claim(test: Compression, split: tuple[Rows, Rows], trial: Trial, without: T
             low, high = max(value - error, known[key].low), min(value + error, known[key].high)
             estimates[key] = Estimate(value, low, high, known[key].unit)
     ratio = without.out_n / coupon_noise_n(test)
-    return Claim(effect, confidence, ratio, estimates, tuple((n, c) for n, c in alternatives if n != "none"))
+    claim = Claim(effect, confidence, ratio, estimates, tuple((n, c) for n, c in alternatives if n != "none"))
+    standard = Standard(np.ones_like, np.nan, float(test.sink_m().max()), test.height_m)
+    return stated(claim, standard, Spread.of(estimates))
 
 
 def coupon_noise_n(test: Compression) -> float:

@@ -8,18 +8,20 @@ is judged with each press felt as strongly as its own rise tells.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ertskin.diagnosis.contract.claims import Claim, Diagnosis, Estimate, HeldOut, confidences, verdict_of
+from ertskin.diagnosis.contract.claims import Claim, Diagnosis, HeldOut, confidences, estimate, verdict_of
+from ertskin.diagnosis.judge.quantities import Spread, stated
 from ertskin.diagnosis.judge.result import Findings
 from ertskin.diagnosis.specimen.fit import SpecimenFinding, specimen_findings
 from ertskin.diagnosis.specimen.logarithmic import LogarithmicTest
 from ertskin.diagnosis.specimen.presses import Presses, presses
+from ertskin.diagnosis.specimen.spread import spreads_of
 from ertskin.hardware.measurement import Specimen
 from ertskin.physics.effects.effect import PiezoEffect
+from ertskin.physics.effects.standard import Standard
 
 Array = NDArray[np.float64]
 
@@ -54,7 +56,11 @@ def diagnose_specimen(specimen: Specimen, name: str) -> Findings:
     together = _ahead(judged, effects, rows) if effects else static
     needed = [f for f in found if _ahead(judged, [e for e in effects if e is not f.effect], rows) > BETTER * together]
     left = _ahead(judged, [f.effect for f in needed], rows) if needed else static
-    claims = tuple(_claim(f, kinds[f.effect.name] / noise, static / max(left, 1e-12)) for f in needed)
+    spreads = spreads_of(judged, needed, press)
+    claims = tuple(
+        _claim(judged, f, spread, kinds[f.effect.name] / noise, static / max(left, 1e-12))
+        for f, spread in zip(needed, spreads, strict=True)
+    )
     errors = {"static": static, **kinds, "together": together, "noise": noise}
     return Findings(_answer(name, each, errors, left, claims))
 
@@ -119,16 +125,19 @@ def _noise(resistance: Array) -> float:
     return float(max(1.4826 * np.median(np.abs(jump)) / np.sqrt(20.0), 1e-4))
 
 
-def _claim(finding: SpecimenFinding, ratio: float, gain: float) -> Claim:
+def _claim(test: LogarithmicTest, finding: SpecimenFinding, spread: Spread, ratio: float, gain: float) -> Claim:
     shares = [(rival.effect.name, rival.short) for rival in finding.rivals]
     confidence, alternatives = confidences(tuple(shares))
     known = finding.effect.parameters()
-    values = finding.effect.values()
-    estimates: dict[str, Any] = {
-        key: Estimate(values[key], values[key], values[key], known[key].unit) for key in finding.free if key in values
+    estimates = {
+        key: estimate(float(getattr(finding.effect, key)), float(error), known[key])
+        for key, error in zip(spread.free, spread.error, strict=True)
     }
+    law = test.law((finding.effect,))
+    standard = Standard(lambda pressure_pa: np.exp(law(pressure_pa)), float(test.stress_pa.max()))
     # What presses held out hardly ask for is no sure name.
-    return Claim(finding.effect, confidence * (1 - 1 / gain), ratio, estimates, alternatives)
+    claim = Claim(finding.effect, confidence * (1 - 1 / gain), ratio, estimates, alternatives)
+    return stated(claim, standard, spread)
 
 
 def _reason(errors: dict[str, float], each: Presses, named: bool) -> str:

@@ -1,7 +1,8 @@
-"""A tank or sheet without mechanics: which electrode reads wrong, and where the sheet changed.
+"""A tank or sheet without mechanics: which electrode or channel reads wrong, and where the sheet changed.
 
 The first frame is the empty tank. What no resistor network explains of it belongs to the instrument and is tested
-electrode by electrode; an electrode that stands out is blamed and its columns' gains and offsets are fitted. The rest
+electrode by electrode, and channel by channel where these read differences; one that stands out is blamed and its
+columns' gains and offsets are fitted. The rest
 of it, which a network explains, says where the electrodes on the rim are (``placement``). Later frames are imaged
 against the first.
 """
@@ -22,6 +23,7 @@ from ertskin.diagnosis.tank.electrode_error import (
     LEVEL,
     ColumnError,
     ElectrodeErrors,
+    channel_errors,
     column_errors,
     corrected,
     electrode_errors,
@@ -49,6 +51,14 @@ LEAST_ERROR = 0.0015
 """Rms of what no network explains over that of the readings, below which an instrument's error matters to nobody."""
 LEAST_GAIN = 0.005
 """Gain, or offset over the readings' rms, from which a channel's error is named."""
+CLEARER = 0.8
+"""Part of what the electrodes named leave that channels must leave to be named instead."""
+OR_CURRENT = (
+    "where driven electrodes aren't read, a channel's gain and the current injected at the same electrodes can't be "
+    "told apart"
+)
+WORTH_SAYING = 0.05
+"""Least confidence of a name that is said at all."""
 ONE_FRAME = "one frame: a standing error that all electrodes share can't be told from noise"
 
 
@@ -61,14 +71,14 @@ def diagnose_tank(recording: Recording, name: str) -> Findings:
     reason = _unusable(protocol, voltage)
     if reason:
         return Findings(Diagnosis(name, "cannot_tell", HeldOut("none", None, None, None, None), reason=reason))
-    errors = _material_errors(protocol, voltage[0])
+    errors = blamed(protocol, voltage[0])
     mended = voltage[0]
-    for electrode in errors.named:
-        mended = corrected(protocol, mended, electrode)
+    for weight in errors.weights(protocol):
+        mended = corrected(protocol, mended, weight)
     noise = noise_v(protocol, voltage)
-    left = electrode_errors(protocol, mended)
+    left = (channel_errors if errors.channels else electrode_errors)(protocol, mended)
     diagnosis = _instrument(name, protocol, voltage, (errors, left, mended))
-    placement = placed(recording, mended, noise, errors.named)
+    placement = placed(recording, mended, noise, errors)
     return DrawnFindings(
         diagnosis if placement is None else with_placement(diagnosis, placement),
         tests_before=(errors.axis_test(noise),),
@@ -84,22 +94,25 @@ def _instrument(
     errors, left, mended = found
     empty, noise = voltage[0], noise_v(protocol, voltage)
     before, after = (rms_v(protocol, scan) / noise for scan in (empty, mended))
-    claims = tuple(c for e in errors.named for c in _claims(protocol, (empty, mended, noise), errors, e))
+    every = (c for k in range(len(errors.named)) for c in _claims(protocol, (empty, mended, noise), errors, k))
+    claims = tuple(claim for claim in every if claim.confidence >= WORTH_SAYING)
     chance = standing_chance(protocol, voltage)
     if rms_v(protocol, empty) < LEAST_ERROR * _readings_rms_v(protocol, empty):
         chance = 1.0
+    said = [ONE_FRAME] if len(voltage) == 1 else []
+    said += [OR_CURRENT] if errors.channels and not driven_are_read(protocol) else []
     verdict = verdict_of(before if chance < SIGNIFICANT else 1.0, after, bool(claims), other_mismatch=False)
     return Diagnosis(
         name,
         verdict,
         HeldOut(SPLIT, noise, before, after, min(errors.p_value, default=chance)),
         stage=None if verdict == "no_mismatch" else "acquisition",
-        electrodes=errors.named,
+        electrodes=errors.electrodes(protocol),
         depends_on=("electrode",) if errors.named else (),
         claims=claims,
         unexplained_ratio=after,
         unexplained_depends_on=("electrode",) if left.named else (),
-        reason=ONE_FRAME if len(voltage) == 1 else None,
+        reason="; ".join(said) or None,
     )
 
 
@@ -107,16 +120,41 @@ def _readings_rms_v(protocol: Protocol, scan_v: Array) -> float:
     return float(np.sqrt(np.mean(scan_v[protocol.taken] ** 2)))
 
 
-def _material_errors(protocol: Protocol, scan_v: Array) -> ElectrodeErrors:
-    """The electrodes that stand out by more than a gain or an offset that matters to nobody."""
-    errors = electrode_errors(protocol, scan_v)
+def blamed(protocol: Protocol, scan_v: Array) -> ElectrodeErrors:
+    """The electrodes, or the channels, that stand out by more than matters to nobody: whichever leave less."""
+    reads = (protocol.measurement != 0).sum(axis=2)
+    if reads.max() < 2 or not _always_the_same(protocol):
+        return _material(protocol, scan_v, electrode_errors(protocol, scan_v))
+    # Two tests share the chance of naming anything where nothing is wrong.
+    electrodes = _material(protocol, scan_v, electrode_errors(protocol, scan_v, LEVEL / 2))
+    channels = _material(protocol, scan_v, channel_errors(protocol, scan_v, LEVEL / 2))
+    clearer = not electrodes.named or channels.left_v < CLEARER * electrodes.left_v
+    return channels if channels.named and clearer else electrodes
+
+
+def _always_the_same(protocol: Protocol) -> bool:
+    """Whether a column reads the same electrodes in every injection that it is taken in."""
+    weight = protocol.measurement
+    first = np.take_along_axis(weight, protocol.taken.argmax(axis=0)[None, :, None], axis=0)
+    return bool(((weight == first) | ~protocol.taken[:, :, None]).all())
+
+
+def driven_are_read(protocol: Protocol) -> bool:
+    """Whether any reading of an injection touches the electrodes that it drives."""
+    touches = np.einsum("kml,kl->km", protocol.measurement != 0, protocol.injection_current_a != 0)
+    return bool(touches.any())
+
+
+def _material(protocol: Protocol, scan_v: Array, errors: ElectrodeErrors) -> ElectrodeErrors:
+    """Those that stand out by more than a gain or an offset that matters to nobody."""
     least_v = LEAST_GAIN * _readings_rms_v(protocol, scan_v)
 
-    def matters(electrode: int) -> bool:
-        found = column_errors(protocol, scan_v, electrode)
+    def matters(weight: Array) -> bool:
+        found = column_errors(protocol, scan_v, weight)
         return any(abs(c.gain) > LEAST_GAIN or abs(c.offset_v) > least_v for c in found)
 
-    kept = [(e, p) for e, p in zip(errors.named, errors.p_value, strict=True) if matters(e)]
+    every = zip(errors.named, errors.p_value, errors.weights(protocol), strict=True)
+    kept = [(e, p) for e, p, weight in every if matters(weight)]
     return replace(errors, named=tuple(e for e, _ in kept), p_value=tuple(p for _, p in kept))
 
 
@@ -164,24 +202,23 @@ def _unusable(protocol: Protocol, voltage_v: Array) -> str | None:
     return None
 
 
-def _claims(
-    protocol: Protocol, scans: tuple[Array, Array, float], errors: ElectrodeErrors, electrode: int
-) -> list[Claim]:
-    """A gain and offset for every column that reads a bad electrode.
+def _claims(protocol: Protocol, scans: tuple[Array, Array, float], errors: ElectrodeErrors, number: int) -> list[Claim]:
+    """A gain and offset for every column that reads a bad electrode, or for a bad channel.
 
     As sure as the electrode is, times the share of its excess over the other electrodes that they take away.
     """
     empty, mended, noise = scans
+    again = channel_errors if errors.channels else electrode_errors
+    named = errors.named[number]
     usual = float(np.nanmedian(errors.rms_v))
-    left = float(electrode_errors(protocol, mended).rms_v[electrode])
-    excess = errors.rms_v[electrode] ** 2 - usual**2
+    left = float(again(protocol, mended).rms_v[named])
+    excess = errors.rms_v[named] ** 2 - usual**2
     share = float(np.clip(1 - max(left**2 - usual**2, 0.0) / max(excess, 1e-300), 0.0, 1.0))
-    chance = errors.p_value[errors.named.index(electrode)]
-    confidence = min(SUREST, (1 - chance) * share)
+    confidence = min(SUREST, (1 - errors.p_value[number]) * share)
     ratio = rms_v(protocol, empty) / noise
     return [
         Claim(_effect(column), confidence, ratio, _estimates(column))
-        for column in column_errors(protocol, empty, electrode)
+        for column in column_errors(protocol, empty, errors.weights(protocol)[number])
     ]
 
 
@@ -204,13 +241,14 @@ def _estimates(column: ColumnError) -> dict[str, Estimate]:
 
 
 def _electrode_drawing(before: ElectrodeErrors, after: ElectrodeErrors) -> Drawing:
+    what = "channel" if before.channels else "electrode"
     if before.named:
         said = ", ".join(f"{e} (p = {p:.2g})" for e, p in zip(before.named, before.p_value, strict=True))
-        said = f"Standing out, corrected for the number of electrodes: {said}."
+        said = f"Standing out, corrected for the number of {what}s: {said}."
     else:
         said = f"None stands out (p = {before.p_left:.2g}, named from {LEVEL:g} down)."
-    caption = f"Error of each electrode's potential that no resistor network explains. {said}"
-    return "Which electrode reads wrong", caption, lambda: electrode_figure(before, after)
+    caption = f"Error of each {what}'s readings that no resistor network explains. {said}"
+    return f"Which {what} reads wrong", caption, lambda: electrode_figure(before, after)
 
 
 def _maps(recording: Recording, voltage_v: Array) -> list[Drawing]:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ertskin.diagnosis.contract.claims import QUANTILE, Claim, Diagnosis, Estimate, HeldOut, verdict_of
+from ertskin.diagnosis.tank.electrode_error import ElectrodeErrors
 from ertskin.diagnosis.tank.placement import ACCURACY, Placement, PlacementFit
 from ertskin.hardware.recording import Recording
 from ertskin.physics.conduction.mesh import MeshError
@@ -24,14 +25,18 @@ NOT_TOLD = (
 )
 
 
-def placed(recording: Recording, scan_v: Array, noise_v: float, aside: tuple[int, ...]) -> Placement | None:
-    """The electrodes' places along the rim, where the tank has them there and can be meshed."""
+def placed(recording: Recording, scan_v: Array, noise_v: float, wrong: ElectrodeErrors) -> Placement | None:
+    """The electrodes' places along the rim, where the tank has them there and can be meshed.
+
+    Readings of the electrodes or channels that are ``wrong`` are not used.
+    """
     assert recording.sensor is not None
     assert recording.protocol is not None
     if recording.sensor.electrode_edge_m is None:
         return None
     try:
-        return PlacementFit(recording.sensor, recording.protocol, scan_v, noise_v, aside).fit()
+        aside, channels = ((), wrong.named) if wrong.channels else (wrong.named, ())
+        return PlacementFit(recording.sensor, recording.protocol, scan_v, noise_v, aside, channels).fit()
     except (MeshError, np.linalg.LinAlgError):
         return None
 

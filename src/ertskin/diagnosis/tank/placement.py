@@ -13,6 +13,7 @@ not the noise.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -113,13 +114,27 @@ class Rim:
         return np.asarray(weight @ self.response @ weight.T)
 
 
+@lru_cache(maxsize=2)
+def rim_of(sensor: Sensor) -> Rim:
+    """The sensor's rim, solved once for all scans of one tank. Raises ``MeshError``."""
+    return Rim(sensor)
+
+
 class PlacementFit:
     """One empty scan (K,M) in volt of a tank, to be explained with its electrodes moved or not."""
 
-    def __init__(self, sensor: Sensor, protocol: Protocol, voltage_v: Array, noise_v: float, aside: tuple[int, ...]):
-        """``aside``: electrodes whose readings are not used, for they are wrong by themselves."""
+    def __init__(
+        self,
+        sensor: Sensor,
+        protocol: Protocol,
+        voltage_v: Array,
+        noise_v: float,
+        aside: tuple[int, ...],
+        channels: tuple[int, ...] = (),
+    ):
+        """``aside``: electrodes whose readings aren't used, ``channels`` such columns; they are wrong by themselves."""
         assert sensor.electrode_edge_m is not None
-        self.protocol, self.rim = protocol, Rim(sensor)
+        self.protocol, self.rim = protocol, rim_of(sensor)
         self.arc_m = self.rim.arc_of(sensor.electrode_edge_m.mean(axis=1))
         self.radius_m = self.rim.length_m / (2 * np.pi)
         weights, current = protocol.measurement, protocol.injection_current_a
@@ -127,6 +142,7 @@ class PlacementFit:
         if aside:
             bad = list(aside)
             known &= ~(weights[:, :, bad].any(axis=2) | current[:, None, bad].any(axis=2))
+        known[:, list(channels)] = False
         self.known = known
         self.voltage = voltage_v[known]
         self.design = protocol.design[known.ravel()]

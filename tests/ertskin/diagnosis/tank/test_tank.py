@@ -10,8 +10,14 @@ import pytest
 from ertskin.diagnosis.linear.sensitivity import Hats
 from ertskin.diagnosis.output.figures import write_figures
 from ertskin.diagnosis.output.report import write_report
-from ertskin.diagnosis.tank.diagnosis import diagnose_tank
-from ertskin.diagnosis.tank.electrode_error import column_errors, corrected, electrode_errors, rms_v
+from ertskin.diagnosis.tank.diagnosis import blamed, diagnose_tank
+from ertskin.diagnosis.tank.electrode_error import (
+    column_errors,
+    corrected,
+    electrode_errors,
+    electrode_weights,
+    rms_v,
+)
 from ertskin.diagnosis.tank.inclusions import Imaging, InclusionMap, bend
 from ertskin.hardware.measurement import Frames, Recording
 from ertskin.physics.conduction.mesh import Grading
@@ -100,11 +106,13 @@ def test_the_electrode_that_reads_wrong_is_named_alone(scans: np.ndarray, electr
 
 def test_its_columns_are_mended(scans: np.ndarray):
     wrong = offset(noisy(scans[0], seed=2), 7, 20 * NOISE_V)
-    for column in column_errors(protocol(), wrong, 7):
+    for column in column_errors(protocol(), wrong, electrode_weights(protocol(), 7)):
         sign = 1 if column.channel == 7 else -1
         assert column.offset_v == pytest.approx(sign * 20 * NOISE_V, abs=4 * column.offset_error_v)
         assert not abs(column.gain) > 4 * column.gain_error
-    assert rms_v(protocol(), corrected(protocol(), wrong, 7)) < 0.3 * rms_v(protocol(), wrong)
+    assert rms_v(protocol(), corrected(protocol(), wrong, electrode_weights(protocol(), 7))) < 0.3 * rms_v(
+        protocol(), wrong
+    )
 
 
 def test_inclusions_are_where_they_were_put(scans: np.ndarray):
@@ -184,3 +192,19 @@ def test_the_water_tanks_electrode_30(shared_data: Path):
     assert r.protocol is not None
     for scan in np.asarray(r.frames.voltage_v, dtype=float):
         assert electrode_errors(r.protocol, scan).named == (30,)
+
+
+@pytest.mark.parametrize("error", ["gain", "dead", "reversed"])
+def test_a_channel_that_reads_a_difference_is_named_and_no_electrode_for_it(scans: np.ndarray, error: str):
+    channel, factor = 6, {"gain": 1.1, "dead": 0.0, "reversed": -1.0}[error]
+    wrong = noisy(scans[0], seed=8, spread=0.1)
+    wrong[:, channel] *= factor
+    found = diagnose_tank(recording(np.stack([wrong, wrong + noisy(0 * wrong, seed=9)])), "made up").diagnosis
+    assert [claim.plain()["parameters"]["channel"]["value"] for claim in found.claims] == [channel]
+    assert found.electrodes == (channel, channel + 1)
+    assert found.claims[0].parameters["gain"].value == pytest.approx(factor - 1, abs=0.02)
+
+
+def test_good_channels_and_electrodes_are_blamed_no_more_often_than_said():
+    blames = [bool(blamed(protocol(), noisy(np.zeros(protocol().shape), seed)).named) for seed in range(60)]
+    assert sum(blames) < 8

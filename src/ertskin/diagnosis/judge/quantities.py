@@ -1,0 +1,148 @@
+"""What a claim says in any form of its effect: quantities under stated conditions, and the field over the sheet."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ertskin.diagnosis.contract.claims import FORM, QUANTILE, Claim, Estimate, FieldMap
+from ertskin.diagnosis.fit.joint_fit import Solved
+from ertskin.diagnosis.force.fit import ForceFit
+from ertskin.diagnosis.judge.result import Findings
+from ertskin.diagnosis.linear.calibration_vector import SkinFamily
+from ertskin.physics.conduction.mesh import inside_polygon
+from ertskin.physics.effects.effect import Effect
+from ertskin.physics.effects.standard import Standard
+from ertskin.physics.history import History, Phase
+from ertskin.physics.protocol import Protocol
+from ertskin.physics.sensor import Sensor
+
+Array = NDArray[np.float64]
+
+GRID = 24
+"""Points of a map along the longer side of the sheet."""
+STEP = 0.3
+"""Standard errors by which parameters are moved to see what a quantity owes them."""
+SMOOTH = 0.2
+"""Part of its size to which a quantity of a field given at nodes is supposed to be known: their errors aren't kept."""
+
+
+@dataclass(frozen=True, eq=False)
+class Spread:
+    """The free parameters of an effect and their covariance, in each way it was estimated: the widest counts."""
+
+    free: tuple[str, ...] = ()
+    covariance: tuple[Array, ...] = ()
+
+    @classmethod
+    def of(cls, estimates: dict[str, Estimate]) -> Spread:
+        """From intervals alone: parameters taken as independent."""
+        error = [(e.high - e.low) / (2 * QUANTILE) for e in estimates.values()]
+        return cls(tuple(estimates), (np.diag(np.square(error)),))
+
+    @property
+    def error(self) -> Array:
+        """(n,) standard errors."""
+        return np.sqrt(np.maximum(np.max([np.diag(c) for c in self.covariance], axis=0), 0.0))
+
+
+def with_quantities(findings: Findings, family: SkinFamily) -> Findings:
+    """The answer of a skin's recording with the quantities and maps of its claims."""
+    evidence, baseline, selection = findings.evidence, findings.baseline, findings.selection
+    if evidence is None or baseline is None or selection is None:
+        return findings
+    law = family.skin(selection.after.calibration, ()).piezo
+    largest_pa = float(np.nanmax(baseline.specimen.stress_pa))
+    standard = replace(
+        standard_of(evidence.sensor, evidence.protocol, evidence.history),
+        resistance=law.sheet_resistance_ohm_sq,
+        largest_pa=largest_pa,
+    )
+    claims = tuple(
+        stated(claim, standard, _spread(claim, selection.after, baseline.force_best), evidence.sensor)
+        for claim in findings.diagnosis.claims
+    )
+    return replace(findings, diagnosis=replace(findings.diagnosis, claims=claims))
+
+
+def stated(claim: Claim, standard: Standard, spread: Spread, sensor: Sensor | None = None) -> Claim:
+    """The claim with its quantities' intervals, and its map where the effect has a field over ``sensor``'s sheet."""
+    found = quantities(claim.effect, standard, spread)
+    return replace(claim, quantities=found, field_map=None if sensor is None else field_map(claim.effect, sensor))
+
+
+def quantities(effect: Effect, standard: Standard, spread: Spread) -> dict[str, Estimate]:
+    """Each quantity with its interval at 90 %, by its derivatives at the parameters found; those unknown left out."""
+    here = effect.quantities(standard)
+    moved = [_slope(effect, standard, key, error) for key, error in zip(spread.free, spread.error, strict=True)]
+    found = {}
+    for name, value in here.items():
+        slope = np.array([one.get(name, 0.0) for one in moved])
+        error = max((float(np.sqrt(max(slope @ c @ slope, 0.0))) for c in spread.covariance), default=0.0)
+        least = SMOOTH if getattr(effect, "nodes", ()) else FORM
+        half = max(QUANTILE * error, least * abs(value))
+        if np.isfinite([value, half]).all():
+            found[name] = Estimate(value, value - half, value + half, "1")
+    return found
+
+
+def field_map(effect: Effect, sensor: Sensor) -> FieldMap | None:
+    """The effect's field at the points of a square grid that lie in the sheet, where it has one."""
+    low, high = sensor.extent_m
+    step_m = float((high - low).max()) / GRID
+    x, y = (np.arange(a + 0.5 * step_m, b, step_m) for a, b in zip(low, high, strict=True))
+    point = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+    point = point[inside_polygon(point, sensor.outline_m)]
+    value = effect.map_at(point, sensor.extent_m)
+    return None if value is None else FieldMap(point, value)
+
+
+def standard_of(sensor: Sensor, protocol: Protocol, history: History) -> Standard:
+    """The conditions that a skin's recording sets, but for its fabric."""
+    depth, offset = history.depth_m, protocol.injection_offset_s
+    deeper = np.diff(depth, axis=0)[(history.phase[1:] == Phase.LOADING) & (np.diff(history.press) == 0)]
+    deeper = deeper[np.isfinite(deeper) & (deeper > 0)]
+    return Standard(
+        resistance=np.ones_like,
+        largest_pa=np.nan,
+        deepest_m=float(np.nanmax(depth)) if np.isfinite(depth).any() else np.nan,
+        foam_m=sensor.layers[0].thickness_m if sensor.layers else np.nan,
+        step_m=float(np.median(deeper)) if deeper.size else np.nan,
+        scan_s=protocol.scan_s or (float(np.ptp(offset)) if offset is not None else np.nan),
+        point_m=sensor.taxel_m,
+        extent_m=sensor.extent_m,
+    )
+
+
+def _spread(claim: Claim, solved: Solved, force: ForceFit | None) -> Spread:
+    """What the fit that named the effect knows of its parameters; else the intervals claimed."""
+    first = len(solved.fit.value) - sum(len(t.free) for t in solved.terms)
+    for term in solved.terms:
+        if term.effect == claim.effect and set(term.free) >= set(claim.parameters):
+            rows = np.arange(first, first + len(term.free))
+            inflation = max(1.0, float((solved.scan_residual**2).mean()))
+            white, robust = solved.fit.covariance, solved.fit.robust_covariance
+            return Spread(term.free, (inflation * _block(white, rows), _block(robust, rows)))
+        first += len(term.free)
+    if force is not None and claim.effect in force.effects:
+        keys = [key for key in claim.effect.parameters() if f"{claim.effect.name}.{key}" in force.names]
+        rows = np.array([force.names.index(f"{claim.effect.name}.{key}") for key in keys], dtype=np.intp)
+        return Spread(tuple(keys), (_block(force.covariance, rows),))
+    return Spread.of(claim.parameters)
+
+
+def _block(matrix: Array, rows: NDArray[np.intp]) -> Array:
+    return np.asarray(matrix[rows[:, None], rows])
+
+
+def _slope(effect: Effect, standard: Standard, key: str, error: float) -> dict[str, float]:
+    """Derivatives of all quantities by a parameter, over ``STEP`` of its standard error to either side."""
+    known, value = effect.parameters()[key], float(getattr(effect, key))
+    step = STEP * error if error > 0 else 1e-3 * known.typical
+    low, high = max(value - step, known.low), min(value + step, known.high)
+    if not high > low:
+        return {}
+    less, more = (effect.changed({key: v}).quantities(standard) for v in (low, high))
+    return {name: (more[name] - less[name]) / (high - low) for name in more}

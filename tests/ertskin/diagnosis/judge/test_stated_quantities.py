@@ -1,0 +1,59 @@
+"""Intervals of quantities follow from the parameters' covariance; maps lie in the sheet."""
+
+import numpy as np
+import pytest
+
+from ertskin.diagnosis.contract.claims import QUANTILE, Claim, Estimate
+from ertskin.diagnosis.judge.quantities import Spread, field_map, quantities, standard_of, stated
+from ertskin.hardware.virtual.bench.nominal import nominal_sensor
+from ertskin.physics.effects.piezo_hysteresis import PiezoHysteresis
+from ertskin.physics.effects.piezo_inhomogeneity import PiezoInhomogeneity
+from ertskin.physics.effects.sheet_anisotropy import SheetAnisotropy
+from ertskin.physics.effects.standard import Standard
+from ertskin.physics.history import History
+from ertskin.physics.protocol import Protocol, electrode_pairs
+
+SENSOR = nominal_sensor()
+STANDARD = Standard(lambda p: 1 / (1 + p / 1e4), 1e5, point_m=SENSOR.taxel_m, extent_m=SENSOR.extent_m)
+
+
+def test_an_interval_follows_from_the_covariance() -> None:
+    # The ratio is exp(hypot): along the pair its derivative is the ratio, across it none.
+    effect = SheetAnisotropy(stretch_x=0.6, stretch_diagonal=0.8)
+    along, across = np.array([0.6, 0.8]), np.array([-0.8, 0.6])
+    covariance = 0.05**2 * np.outer(along, along) + 0.3**2 * np.outer(across, across)
+    found = quantities(effect, STANDARD, Spread(("stretch_x", "stretch_diagonal"), (covariance,)))["conductance_ratio"]
+    assert found.high - found.value == pytest.approx(QUANTILE * 0.05 * np.exp(1.0), rel=0.02)
+
+
+def test_the_wider_of_two_covariances_counts_and_none_is_narrower_than_a_form() -> None:
+    effect, free = PiezoHysteresis(width=0.1), ("width",)
+    half = [
+        quantities(effect, STANDARD, Spread(free, tuple(np.array([[e**2]]) for e in errors)))["loop_width"]
+        for errors in ((0.01,), (0.01, 0.03), (0.0,))
+    ]
+    wide, wider, least = (e.high - e.value for e in half)
+    assert wider == pytest.approx(3 * wide, rel=0.05)
+    assert least == pytest.approx(0.02 * half[2].value)
+
+
+def test_a_claim_states_its_map_in_the_sheet() -> None:
+    effect = PiezoInhomogeneity(amplitude=0.5, x_m=0.04, y_m=0.06, radius_m=0.02)
+    claim = Claim(effect, 0.9, 1.3, {"amplitude": Estimate(0.5, 0.4, 0.6, "1")})
+    said = stated(claim, STANDARD, Spread.of(claim.parameters), SENSOR).plain()
+    point, value = np.array(said["map"]["point_m"]), np.array(said["map"]["value"])
+    assert value == pytest.approx(effect.log_sensitivity(point, SENSOR.extent_m), abs=1e-4)
+    assert ((point > SENSOR.extent_m[0]) & (point < SENSOR.extent_m[1])).all()
+    assert said["quantities"]["log_spread"]["low"] < said["quantities"]["log_spread"]["high"]
+    assert claim.plain()["map"] is None
+    assert field_map(PiezoHysteresis(width=0.1), SENSOR) is None
+
+
+def test_the_standard_is_the_recordings() -> None:
+    depth = np.array([0, 1, 2, 3, 2, 0])[:, None] * 1e-3
+    phase = np.array([0, 1, 1, 1, 3, 0], np.uint8)
+    nothing = np.full((6, 1), np.nan)
+    history = History(np.arange(6.0), np.zeros(6, int), phase, np.zeros((6, 1, 2)), depth, nothing)
+    protocol = Protocol.against_sink(electrode_pairs(24), 24, 1e-4, scan_s=0.4)
+    found = standard_of(SENSOR, protocol, history)
+    assert (found.deepest_m, found.step_m, found.scan_s) == (3e-3, pytest.approx(1e-3), 0.4)
