@@ -4,10 +4,11 @@ A reading z in units of the noise, D coordinates, under contacts theta = (x, y, 
 
     z = sum_c s(theta_c) + what they add together + sum_c N(theta_c) a_c + noise,      a ~ N(0, 1).
 
-N holds what the tabulated response may err by: its size and its shape (second derivatives: wider, longer, turned), in
-standard deviations measured on the calibration's own presses; what is left of the error counts as noise that grows with
-the response. Integrated over a, theta is found by Gauss-Newton (Levenberg 1944, Marquardt 1963), and the number of
-contacts by the evidence: likelihood times prior times the posterior's volume (MacKay, Neural Computation 4 (1992) 415).
+N holds what the tabulated response may err by: its shape (second derivatives: wider, longer, turned), across its
+slopes, in standard deviations measured on the calibration's own presses; errors along the slopes are errors of place
+and force and added to those. What is left of the error counts as noise that grows with the response. Integrated over a,
+theta is found by Gauss-Newton (Levenberg 1944, Marquardt 1963), and the number of contacts by the evidence: likelihood
+times prior times the posterior's volume (MacKay, Neural Computation 4 (1992) 415).
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ Array = NDArray[np.float64]
 
 SHAPE_M = 5e-3
 """Length in which second derivatives are counted."""
-NUISANCES = 4
+NUISANCES = 3
 STEPS = 20
 DAMPING = 1e-3
 MOST_STEP_M = 6e-3
@@ -39,7 +40,7 @@ APART_M = 8e-3
 
 @njit(cache=True, nogil=True)
 def linearised(touch, spline, added, spread, predicted, slope, nuisance):  # type: ignore[no-untyped-def]
-    """Fill prediction (D,), slopes (D,3C) by x, y and log force, possible errors (D,4C) for contacts (C,3) that add
+    """Fill prediction (D,), slopes (D,3C) by x, y and log force, possible errors (D,3C) for contacts (C,3) that add
     ``added`` (D,) together."""
     rows = np.empty((7, len(predicted)))
     predicted[:] = added
@@ -49,9 +50,21 @@ def linearised(touch, spline, added, spread, predicted, slope, nuisance):  # typ
         for k in range(2):
             slope[:, 3 * c + k] = rows[1 + k]
         slope[:, 3 * c + 2] = touch[c, 2] * rows[3]
-        nuisance[:, 4 * c] = spread[0] * rows[0]
-        for k in range(3):
-            nuisance[:, 4 * c + 1 + k] = spread[1 + k] * SHAPE_M**2 * rows[4 + k]
+        across(rows)
+        for k in range(NUISANCES):
+            nuisance[:, NUISANCES * c + k] = spread[k] * SHAPE_M**2 * rows[4 + k]
+
+
+@njit(cache=True, nogil=True)
+def across(rows):  # type: ignore[no-untyped-def]
+    """Leave of each of the ``TANGENTS`` (7,D) from force and place on what lies across those before (Gram-Schmidt)."""
+    order = (3, 1, 2, 4, 5, 6)
+    for k in range(1, len(order)):
+        for before in range(k):
+            one = rows[order[before]]
+            square = one @ one
+            if square > 0.0:
+                rows[order[k]] -= ((rows[order[k]] @ one) / square) * one
 
 
 @njit(cache=True, nogil=True)

@@ -62,8 +62,9 @@ class Beliefs:
 class TouchPosterior:
     """Contacts from readings in the coordinates of ``table``, which are in units of the noise.
 
-    ``spread`` (4,) and ``remainder``: what the response may err by (``ertskin.physics.touch.posterior``).
-    ``error`` (3,): further standard deviations of x, y (metre) and of the force, as a share of it. ``temperature``: by
+    ``spread`` (3,) and ``remainder``: what the response may err by (``ertskin.physics.touch.posterior``).
+    ``error`` (3,): further standard deviations of x, y (metre) and, as a share of the response, along its slope by
+    force: where a press hardly changes it any more, that is much force. ``temperature``: by
     how much the log evidence is too sure. ``most``: contacts looked for at most. ``exchanges``: rounds in which
     contacts that fit poorly are looked for anew; each may take a tenth of a second.
     """
@@ -111,14 +112,20 @@ class TouchPosterior:
         share = np.exp((logs - logs.max(axis=1, keepdims=True)) / self.temperature)
         share /= share.sum(axis=1, keepdims=True)
         known = np.isfinite(touch[..., 2])
-        extra = np.stack([np.full(known.shape, self.error[0]), np.full(known.shape, self.error[1])], axis=-1)
-        extra = np.concatenate([extra, self.error[2] * touch[..., 2:]], axis=-1)
+        extra = np.broadcast_to(self.error, touch.shape).copy()
+        extra[known, 2] *= self._force_per_size_n(touch[known])
         scale = np.ones((*touch.shape,))
         scale[..., 2] = touch[..., 2]
         covariance = covariance * scale[..., None] * scale[..., None, :] + extra[..., None] ** 2 * np.eye(3)
         there = np.cumsum(share[:, ::-1], axis=1)[:, ::-1][:, 1:]
         probability = np.where(known, there, np.nan)
         return Beliefs(touch[..., :2], touch[..., 2], covariance, probability, share, misfit)
+
+    def _force_per_size_n(self, touch: Array) -> Array:
+        """(n,) newton that change the response to contacts (n,3) by as much as it is."""
+        rows = self.table.tangents(touch[:, :2], touch[:, 2])
+        size, slope = (np.linalg.norm(rows[:, k], axis=1) for k in (0, 3))
+        return np.asarray(size / slope)
 
 
 @njit(cache=True, nogil=True)

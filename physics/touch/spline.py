@@ -5,15 +5,21 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
-from scipy.interpolate import make_interp_spline
+from scipy.interpolate import BSpline, make_interp_spline
 
 Array = NDArray[np.float64]
+Floats = NDArray[np.floating]
 
 
 def coefficients(nodes: Array, values: Array, axis: int) -> tuple[Array, Array]:
     """Knots of the cubic spline through ``values`` at ``nodes`` along ``axis``, and the coefficients in their place."""
     spline = make_interp_spline(nodes, np.moveaxis(values, axis, 0), k=3)
     return spline.t, np.moveaxis(spline.c, 0, axis)
+
+
+def evaluated(knots: Array, coefficient: Floats, at: Array, axis: int) -> Array:
+    """Values ``at`` (n,) along ``axis``, in the place of the spline's coefficients there."""
+    return np.moveaxis(BSpline(knots, np.moveaxis(coefficient, axis, 0), 3)(at), 0, axis)
 
 
 @njit(cache=True, nogil=True)

@@ -14,15 +14,23 @@ from numba import njit
 from numpy.typing import NDArray
 
 from ertskin.physics.touch.interplay import Interplay, interplay_ohm
-from ertskin.physics.touch.spline import basis, coefficients
+from ertskin.physics.touch.spline import basis, coefficients, evaluated
 
 Array = NDArray[np.float64]
 Floats = NDArray[np.floating]
 
 TANGENTS = 7
 """Rows of ``tangents``: the response, its slopes by x, y and force, its second derivatives by xx, yy and xy."""
+DENSER_WHERE_LIGHT = 2.0
+"""Power of the spacing of forces. With eight of them, at five places of `rig_a`, splines miss the solved response by
+0.07 % at most from 0.2 N on; evenly spaced in the power 1.5 it was 1.7 % at 0.2 N and 0.4 % at 0.6 N."""
 LEAST_CELL = 0.01
 """A cell whose conductance changes by less than this share of the most pressed one's has no part in the interplay."""
+
+
+def force_nodes(count: int, most_n: float) -> Array:
+    """(count,) forces up to ``most_n`` newton, 0 left out."""
+    return np.asarray(most_n * (np.arange(1, count + 1) / count) ** DENSER_WHERE_LIGHT)
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +47,7 @@ class TouchGrid:
         low, high = extent_m
         count = np.maximum(4, np.ceil((high - low) / spacing_m - 1e-6).astype(int) + 1)
         x, y = (np.linspace(low[k], high[k], count[k]) for k in range(2))
-        return cls(x, y, max_force_n * (np.arange(1, forces + 1) / forces) ** 1.5)
+        return cls(x, y, force_nodes(forces, max_force_n))
 
     @property
     def shape(self) -> tuple[int, int, int]:
@@ -81,6 +89,15 @@ class ResponseTable:
         """The same table in other coordinates: old ones (D,) times ``matrix`` (D,E)."""
         response = np.ascontiguousarray(self.response @ matrix.astype(np.float32))
         return replace(self, response=response, read=np.ascontiguousarray(self.read @ matrix))
+
+    def with_forces(self, factor: int) -> ResponseTable:
+        """The same splines on ``factor`` times as many forces, for what is added there."""
+        grid = replace(self.grid, force_n=force_nodes(factor * len(self.grid.force_n), self.grid.force_n[-1]))
+        nodes = np.concatenate([[0.0], grid.force_n])
+        knots, response = coefficients(nodes, evaluated(self.knots_n, self.response, nodes, 2), 2)
+        _, cell_s = coefficients(nodes, evaluated(self.knots_n, self.cell_s, nodes, 2), 2)
+        response, cell_s = (np.ascontiguousarray(each, dtype=np.float32) for each in (response, cell_s))
+        return replace(self, grid=grid, knots_n=knots, response=response, cell_s=cell_s)
 
     def corrected(self, added: Array) -> ResponseTable:
         """With (X*Y*F,D) added at ``grid.presses``."""

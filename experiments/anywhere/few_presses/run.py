@@ -170,7 +170,7 @@ def judged(
     shutil.rmtree(work / "tables")
     assert model is not None
     posterior = model.posterior(LEAST_N)
-    scores: dict[str, float] = {"spread": float(model.error.spread[0]), "remainder": model.error.remainder}
+    scores: dict[str, float] = {"size": float(model.error.error[2]), "remainder": model.error.remainder}
     for test, touches in tests.items():
         beliefs = posterior.of(touches.change_v @ model.matrix, proposed[test])
         history = touches.history

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from ertskin.diagnosis.output.retraining import Retraining
 
 EFFECTS = Path("runs/conf")
+CALIBRATIONS = Path("runs/calibrate")
 Report = Callable[[float | None, str], None]
 
 
@@ -43,6 +44,7 @@ class Diagnoses:
     sources: tuple[Path, ...]
     folders: tuple[Path, ...]
     effects: Path
+    calibrations: Path
     resolution: str
 
     def __call__(self, number: int) -> Diagnosis | str:
@@ -66,6 +68,7 @@ class Diagnoses:
         from ertskin.diagnosis.any_recording import diagnose_any
         from ertskin.diagnosis.output.diagnosis_file import write_diagnosis, write_effects
         from ertskin.diagnosis.output.figures import write_figures
+        from ertskin.diagnosis.output.joint_calibration import write_joint_calibration
         from ertskin.diagnosis.output.names import config_name
         from ertskin.diagnosis.output.report import write_report
         from ertskin.report.provenance import provenance
@@ -75,6 +78,8 @@ class Diagnoses:
         report(0.95, "writing the report")
         effects = findings.diagnosis.effects
         written = [write_effects(folder, name, effects, source.name) for folder in (out, self.effects)]
+        joint = write_joint_calibration(self.calibrations, source, findings)
+        written += [] if joint is None else [joint]
         drawn = write_figures(out, findings)
         commands = next_commands(source, name, bool(effects))
         about = {"recording_sha256": file_sha256(source), "figures": [one.plain() for one in drawn]}
@@ -102,7 +107,8 @@ def _diagnose_one(config: DictConfig, source: Path, console: Console) -> None:
     retraining = _retraining(config)
     out = Path(config.out) if config.out else Path("runs/diagnose") / config_name(source)
     with progress_bar(console) as report:
-        diagnosis, written = Diagnoses((source,), (out,), EFFECTS, config.physics.resolution).diagnosed(0, report)
+        pieces = Diagnoses((source,), (out,), EFFECTS, CALIBRATIONS, config.physics.resolution)
+        diagnosis, written = pieces.diagnosed(0, report)
     from ertskin.diagnosis.output.summary import print_summary
 
     print_summary(console, diagnosis)
@@ -161,6 +167,7 @@ def _diagnose_many(config: DictConfig, sources: tuple[Path, ...], console: Conso
         tuple(source.resolve() for source in sources),
         tuple(out / name for name in names),
         EFFECTS.resolve(),
+        CALIBRATIONS.resolve(),
         config.physics.resolution,
     )
     failed = 0

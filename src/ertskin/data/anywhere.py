@@ -123,8 +123,8 @@ def simulated_ohm(model: TouchModel, protocol: Protocol, contact_m: Array, force
     rows, slots = np.nonzero(np.isfinite(force_n))
     for some in np.array_split(np.arange(len(rows)), max(1, len(rows) // 2000)):
         row, slot = rows[some], slots[some]
-        wrong = modes(model.table, contact_m[row, slot], force_n[row, slot])[:, [0, 3, 4, 5]]
-        draw = rng.standard_normal((len(some), 4)) * model.error.spread
+        wrong = modes(model.table, contact_m[row, slot], force_n[row, slot])[:, 3:]
+        draw = rng.standard_normal((len(some), 3)) * model.error.shape_spread
         np.add.at(change, row, np.einsum("nm,nmd->nd", draw, wrong))
     return protocol.unwhitened(np.asarray(np.linalg.solve(model.matrix.T, change.T).T))
 

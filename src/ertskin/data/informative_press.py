@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ertskin.data.local_discrepancy import EXPECTED, MODES, coefficients, evidences, modes, process_covariance
+from ertskin.data.local_discrepancy import EXPECTED, MODES, coefficients, evidences, modes, process_covariance, slopes
 from ertskin.physics.touch.posterior import SHAPE_M
 from ertskin.physics.touch.table import ResponseTable
 
@@ -63,7 +63,7 @@ class PressDesign:
             likely(evidences(contact_m, force_n, numbers[:, m], self.noise[:, m])) for m in range(len(MODES))
         ]
         self.judged_m, self.judged_n = judged(table, largest_n)
-        self._response = _Response.of(modes(table, self.judged_m, self.judged_n))
+        self._response = _Response.of(table, self.judged_m, self.judged_n)
 
     def accuracy(self) -> Accuracy:
         """As of now."""
@@ -122,31 +122,22 @@ class PressDesign:
 
 @dataclass(frozen=True, eq=False)
 class _Response:
-    """Products (J,3,3) of the response's slopes by log force, x, y, of its shapes, and of the ones with the others."""
+    """Of J touches: ``read`` (J,3) variances of log force, x and y by a reading's noise, and ``squares`` (J,3,3), how
+    much of each a variance of the first three ``MODES`` makes; the others lie across them all and make none."""
 
-    slopes: Array
-    shapes: Array
-    mixed: Array
+    read: Array
+    squares: Array
 
     @classmethod
-    def of(cls, basis: Array) -> _Response:
-        slope, shape = basis[:, :3], basis[:, 3:]
-        return cls(
-            np.einsum("jad,jbd->jab", slope, slope),
-            np.einsum("jad,jbd->jab", shape, shape),
-            np.einsum("jad,jbd->jab", slope, shape),
-        )
+    def of(cls, table: ResponseTable, contact_m: Array, force_n: Array) -> _Response:
+        slope = slopes(table, contact_m, force_n)[:, :3]
+        known = np.linalg.inv(np.einsum("jad,jbd->jab", slope, slope))
+        across = np.einsum("jad,jbd->jab", modes(table, contact_m, force_n)[:, :3], slope)
+        return cls(np.diagonal(known, axis1=1, axis2=2), (across @ known) ** 2)
 
     def errors(self, variance: Array) -> tuple[Array, Array]:
-        """(J,) variances of the log force and of the place in m^2, under variances (J,6) of the ``MODES``.
-
-        An error of size or shift is one of force or place, as large; shapes that aren't known are fitted too, within
-        their variance, and what that leaves of the reading's noise is left.
-        """
-        prior = 1.0 / np.maximum(variance[:, 3:], 1e-12)[..., None] * np.eye(3)
-        told = self.slopes - self.mixed @ np.linalg.solve(self.shapes + prior, self.mixed.swapaxes(1, 2))
-        read = np.diagonal(np.linalg.inv(told), axis1=1, axis2=2)
-        size, x, y = (variance[:, :3] + read).T
+        """(J,) variances of the log force and of the place in m^2, under variances (J,6) of the ``MODES``."""
+        size, x, y = (np.einsum("jab,ja->jb", self.squares, variance[:, :3]) + self.read).T
         return size, SHAPE_M**2 * (x + y)
 
 

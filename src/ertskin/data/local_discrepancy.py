@@ -25,6 +25,8 @@ MODES = ("size", "x", "y", "xx", "yy", "xy")
 LENGTHS_M = (8e-3, 16e-3, 32e-3, 64e-3, 128e-3)
 FORCE_LENGTH = 0.8
 """Correlation length in the logarithm of the force."""
+FINER_FORCES = 2
+"""Times as many forces as the response was solved at: what is added bends more, where touches are light."""
 COMMON = 0.25
 """Share of the process's variance that is the same all over the sheet: a law or a modulus that is off."""
 EXPECTED = 0.1
@@ -36,7 +38,7 @@ FEWEST = 4
 
 def unknown_error() -> ModelError:
     """Of a response that no press was compared with."""
-    return ModelError(np.full(4, EXPECTED), 0.0, np.array([EXPECTED * SHAPE_M, EXPECTED * SHAPE_M, 0.0]))
+    return ModelError(np.full(3, EXPECTED), 0.0, np.array([EXPECTED * SHAPE_M, EXPECTED * SHAPE_M, EXPECTED]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,6 +91,7 @@ class LocalDiscrepancy:
 
     def correct(self, table: ResponseTable) -> ResponseTable:
         """The table with the discrepancy added at every place and force."""
+        table = table.with_forces(FINER_FORCES)
         contact_m, force_n = table.grid.presses()
         added = np.empty((len(force_n), table.response.shape[3]))
         for rows in np.array_split(np.arange(len(force_n)), max(1, len(force_n) // 500)):
@@ -98,7 +101,22 @@ class LocalDiscrepancy:
 
 
 def modes(table: ResponseTable, contact_m: Array, force_n: Array) -> Array:
-    """(N,6,D) changes of the response by one unit of each of the ``MODES``: places in 5 mm."""
+    """(N,6,D) changes of the response by one unit of each of the ``MODES``.
+
+    Each is what of its slope lies across those before (Gram-Schmidt): a wider response is a stronger one too, and
+    numbers told along directions so nearly parallel err together, which processes of each by itself do not know.
+    """
+    chosen = slopes(table, contact_m, force_n)
+    for k in range(1, len(MODES)):
+        for before in range(k):
+            along = np.einsum("nd,nd->n", chosen[:, k], chosen[:, before])
+            square = np.maximum((chosen[:, before] ** 2).sum(axis=1), np.finfo(float).tiny)
+            chosen[:, k] -= (along / square)[:, None] * chosen[:, before]
+    return np.asarray(chosen)
+
+
+def slopes(table: ResponseTable, contact_m: Array, force_n: Array) -> Array:
+    """(N,6,D) by the logarithm of the force, by x and y in 5 mm, and second ones by xx, yy and xy."""
     rows = table.tangents(contact_m, force_n)
     scale = np.array([1.0, SHAPE_M, SHAPE_M, SHAPE_M**2, SHAPE_M**2, SHAPE_M**2])
     chosen = rows[:, [3, 1, 2, 4, 5, 6]] * scale[:, None]
@@ -165,9 +183,11 @@ def _model_error(
     assumed = np.full(len(MODES), EXPECTED)
     wrong = assumed if places < FEWEST else np.sqrt(np.mean((numbers - left_out) ** 2, axis=0))
     left = residual - np.einsum("nm,nmd->nd", numbers, basis)
-    response = table.alone(contact_m, force_n)
-    share = np.maximum((left**2).sum(axis=1) - left.shape[1], 0.0) / (response**2).sum(axis=1)
-    size, x, y, *shape = wrong
-    return ModelError(
-        np.array([size, *shape]), float(np.sqrt(np.median(share))), np.array([SHAPE_M * x, SHAPE_M * y, 0.0])
-    )
+    response2 = (table.alone(contact_m, force_n) ** 2).sum(axis=1)
+    share = np.maximum((left**2).sum(axis=1) - left.shape[1], 0.0) / response2
+    _, x, y, *shape = wrong
+    size = EXPECTED
+    if places >= FEWEST:
+        grown2 = (numbers - left_out)[:, 0] ** 2 * (basis[:, 0] ** 2).sum(axis=1)
+        size = float(np.sqrt(np.mean(grown2 / response2)))
+    return ModelError(np.array(shape), float(np.sqrt(np.median(share))), np.array([SHAPE_M * x, SHAPE_M * y, size]))

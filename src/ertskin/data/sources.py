@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from ertskin.data.shards import file_sha256
 from ertskin.errors import UserError
@@ -19,11 +21,25 @@ def calibration_folder(root: Path, recording: Path) -> Path:
     return root / f"{recording.stem}-{file_sha256(recording)[:8]}"
 
 
+def joint_calibration_name(effects: dict[str, Any]) -> str:
+    """File name of a calibration that was fitted together with ``effects`` ({name: {parameter: value}})."""
+    words = json.dumps(effects, sort_keys=True).encode()
+    return f"calibration-with-{hashlib.sha256(words).hexdigest()[:8]}.yaml"
+
+
 def calibration_path(config: DictConfig) -> Path:
-    """The calibration that is used: ``config.calibration.file``, or that of ``config.recording``."""
+    """The calibration that is used: ``config.calibration.file``, or that of ``config.recording``.
+
+    With effects as a diagnosis of the recording found them, the one fitted together with them.
+    """
+    from omegaconf import OmegaConf
+
     if config.calibration.file is not None:
         return Path(config.calibration.file)
-    return calibration_folder(Path(config.calibration.folder), Path(config.recording)) / CALIBRATION
+    folder = calibration_folder(Path(config.calibration.folder), Path(config.recording))
+    effects = OmegaConf.to_container(config.get("effects") or OmegaConf.create({}), resolve=True)
+    joint = folder / joint_calibration_name(dict(effects))  # type: ignore[arg-type]
+    return joint if effects and joint.is_file() else folder / CALIBRATION
 
 
 def source_checksums(config: DictConfig) -> dict[str, str] | None:

@@ -16,9 +16,10 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class ModelError:
-    """What a response may err by, as ``TouchPosterior`` takes it."""
+    """What a response may err by, as ``TouchPosterior`` takes it: ``shape_spread`` (3,), and ``error`` (3,) of x, y
+    (metre) and along its slope by force, as a share of the response."""
 
-    spread: Array
+    shape_spread: Array
     remainder: float
     error: Array
 
@@ -52,4 +53,6 @@ class TouchModel:
 
     def posterior(self, least_force_n: float) -> TouchPosterior:
         """Contacts of at least that force."""
-        return TouchPosterior(self.table, self.error.spread, self.error.remainder, self.error.error, least_force_n)
+        return TouchPosterior(
+            self.table, self.error.shape_spread, self.error.remainder, self.error.error, least_force_n
+        )

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from ertskin.data.informative_press import Accuracy, PressDesign, _Response, judged, likely, most_telling
-from ertskin.data.local_discrepancy import EXPECTED, evidences, modes
+from ertskin.data.local_discrepancy import EXPECTED, evidences, modes, slopes
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "physics" / "touch"))
 from toy_skin import EXTENT_M, response, toy_table
@@ -52,9 +52,9 @@ def test_errors_are_those_of_a_linear_fit_with_unknown_shapes() -> None:
     table, rng = toy_table(), np.random.default_rng(1)
     place, force = np.array([[0.033, 0.027]]), np.array([3.0])
     basis, deviation = modes(table, place, force), np.array([0.02, 0.01, 0.03, 0.1, 0.2, 0.15])
-    log_force, place_m2 = _Response.of(basis).errors(deviation[None] ** 2)
+    log_force, place_m2 = _Response.of(table, place, force).errors(deviation[None] ** 2)
     # The same by drawing skins: the reading holds the numbers, the fit knows their spread and nothing else.
-    slope, shape = basis[0, :3].T, basis[0, 3:].T
+    slope, shape = slopes(table, place, force)[0, :3].T, basis[0, 3:].T
     covariance = np.eye(42) + shape @ np.diag(deviation[3:] ** 2) @ shape.T
     fit = np.linalg.solve(slope.T @ np.linalg.solve(covariance, slope), slope.T @ np.linalg.inv(covariance))
     numbers = rng.standard_normal((20_000, 6)) * deviation

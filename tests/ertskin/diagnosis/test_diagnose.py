@@ -4,18 +4,32 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
+from omegaconf import OmegaConf
 
+from ertskin.calibration.fit import fit_recording
+from ertskin.calibration.store import load_calibration, save_calibration
+from ertskin.data.simulated import rising
+from ertskin.data.skin_forward import SkinForward
+from ertskin.data.sources import CALIBRATION, calibration_folder, calibration_path
+from ertskin.data.touches import touches_of
 from ertskin.diagnosis.any_recording import diagnose_any
 from ertskin.diagnosis.contract.claims import Diagnosis
+from ertskin.diagnosis.judge.result import Findings
+from ertskin.diagnosis.output.joint_calibration import write_joint_calibration
 from ertskin.hardware.recording import read_recording
 from ertskin.hardware.virtual.bench import FAST, write_bench
+from ertskin.physics.effects.registry import effects_config
 
 
 def diagnosed(folder: Path, hidden: dict[str, float], seed: int) -> Diagnosis:
-    path = folder / "hidden.h5"
+    return findings(folder / "hidden.h5", hidden, seed).diagnosis
+
+
+def findings(path: Path, hidden: dict[str, float], seed: int) -> Findings:
     write_bench(path, "quick", hidden, seed=seed, resolution=FAST)
-    return diagnose_any(read_recording(path), path.name, lambda share, text: None, "fast").diagnosis
+    return diagnose_any(read_recording(path), path.name, lambda share, text: None, "fast")
 
 
 @pytest.mark.timeout(300)
@@ -27,7 +41,32 @@ def test_nothing_is_named_where_nothing_was_left_out(tmp_path: Path) -> None:
 
 
 @pytest.mark.timeout(300)
-@pytest.mark.parametrize("name", ["piezo_hysteresis", "crosstalk", "self_heating"])
+def test_the_calibration_fitted_with_the_effects_is_the_one_that_is_simulated_with_them(tmp_path: Path) -> None:
+    path = tmp_path / "hidden.h5"
+    found = findings(path, {"piezo_hysteresis": 1.0}, seed=6)
+    recording = read_recording(path)
+    assert [claim.effect.name for claim in found.diagnosis.claims] == ["piezo_hysteresis"]
+    own, _ = fit_recording(recording, path.name, resolution="fast")
+    save_calibration(calibration_folder(tmp_path, path) / CALIBRATION, own)
+    written = write_joint_calibration(tmp_path, path, found)
+    effects = effects_config(found.diagnosis.effects)
+    given = {"calibration": {"file": None, "folder": str(tmp_path)}, "recording": str(path), "effects": effects}
+    assert calibration_path(OmegaConf.create(given)) == written
+    other = {"piezo_hysteresis": effects["piezo_hysteresis"] | {"width": 0.5}}
+    assert calibration_path(OmegaConf.create(given | {"effects": other})).name == CALIBRATION
+    touches = rising(touches_of(recording))
+    misfits = []
+    for calibration in (own, load_calibration(written)):
+        forward = SkinForward(calibration, touches.protocol, effects, "fast")
+        change = forward.change_ohm(touches.history.contact_m, touches.history.force_n)
+        misfits.append(np.std(touches.protocol.whitened(change) - touches.change_v))
+    assert own.noise_v is not None
+    excess = np.array(misfits) ** 2 - own.noise_v**2
+    assert excess[1] < 0.5 * excess[0]
+
+
+@pytest.mark.timeout(300)
+@pytest.mark.parametrize("name", ["crosstalk", "self_heating"])
 def test_what_was_left_out_is_named_and_predicts(tmp_path: Path, name: str) -> None:
     found = diagnosed(tmp_path, {name: 1.0}, seed=6)
     assert found.claims[0].effect.name == name
