@@ -96,8 +96,7 @@ class ResponseTable:
         nodes = np.concatenate([[0.0], grid.force_n])
         knots, response = coefficients(nodes, evaluated(self.knots_n, self.response, nodes, 2), 2)
         _, cell_s = coefficients(nodes, evaluated(self.knots_n, self.cell_s, nodes, 2), 2)
-        response, cell_s = (np.ascontiguousarray(each, dtype=np.float32) for each in (response, cell_s))
-        return replace(self, grid=grid, knots_n=knots, response=response, cell_s=cell_s)
+        return replace(self, grid=grid, knots_n=knots, response=_single(response), cell_s=_single(cell_s))
 
     def corrected(self, added: Array) -> ResponseTable:
         """With (X*Y*F,D) added at ``grid.presses``."""
@@ -137,6 +136,10 @@ class ResponseTable:
     def reach_m(self) -> float:
         """Cells further than this from a contact aren't looked at: three of the interplay's cells."""
         return 3.0 * float(np.sqrt(self.interplay.area_m2.max()))
+
+
+def _single(values: Array) -> Floats:
+    return np.ascontiguousarray(values, dtype=np.float32)
 
 
 def _splined(grid: TouchGrid, values: Array) -> tuple[Array, tuple[Array, Array, Array]]:

@@ -120,3 +120,13 @@ def test_a_table_in_fewer_coordinates_reads_the_same(posterior):
     reading = response(place, force)
     one, other = posterior.of(reading), turned.of(reading @ matrix)
     assert np.allclose(one.contact_m, other.contact_m, atol=1e-6, equal_nan=True)
+
+
+def test_a_response_is_the_same_on_more_forces() -> None:
+    table = toy_table()
+    place, force = np.array([[0.03, 0.04], [0.05, 0.02]]), np.array([0.7, 3.3])
+    finer = table.with_forces(2)
+    assert len(finer.grid.force_n) == 2 * len(table.grid.force_n)
+    np.testing.assert_allclose(finer.alone(place, force), table.alone(place, force), rtol=0.02)
+    at_nodes = np.full(2, table.grid.force_n[1])
+    np.testing.assert_allclose(finer.alone(place, at_nodes), table.alone(place, at_nodes), rtol=1e-5)
