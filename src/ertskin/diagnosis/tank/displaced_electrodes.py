@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import norm
 
 from ertskin.diagnosis.contract.claims import QUANTILE, Claim, Diagnosis, Estimate, HeldOut, verdict_of
 from ertskin.diagnosis.tank.electrode_error import ElectrodeErrors
@@ -17,7 +18,13 @@ from ertskin.physics.effects.registry import measured_as
 
 Array = NDArray[np.float64]
 
-SUREST = 0.95
+SUREST = 0.99
+HANDS = 0.06
+"""Shift over the radius that gluing by hand may leave, twice its standard deviation: beyond it an electrode is out of
+place."""
+OWN, FLOOR = 1.3, 0.002
+"""Standard error of a shift over the one the fit states, and over the radius what is added: from simulated tanks of
+even numbers (experiments/real/ottawa/nulls.py); odd ones judge the confidence that follows."""
 NOT_TOLD = (
     "two-dimensional impedance can't tell electrodes that slid along the rim from an outline that changed: conformal "
     "maps of one onto the other leave every reading as it is; nor where all moved as such a map of a disk onto "
@@ -79,7 +86,8 @@ def with_placement(diagnosis: Diagnosis, found: Placement) -> Diagnosis:
 def _displacement(found: Placement, electrode: int) -> Claim:
     """One electrode out of place; where several are, the outline may have changed instead."""
     shift = found.moved_m[electrode] - found.place_m[electrode]
-    half = QUANTILE * float(found.error_m[electrode]) * np.abs(shift) / max(float(np.linalg.norm(shift)), 1e-12)
+    error_m = float(np.hypot(OWN * found.error_m[electrode], FLOOR * found.radius_m))
+    half = QUANTILE * error_m * np.abs(shift) / max(float(np.linalg.norm(shift)), 1e-12)
     effect = measured_as(Measured.PAD_SHIFT)()
     known = effect.parameters()
     values = {
@@ -90,5 +98,12 @@ def _displacement(found: Placement, electrode: int) -> Claim:
         key: Estimate(float(value), float(value - error), float(value + error), "m")
         for key, value, error in zip(("dx_m", "dy_m"), shift, half, strict=True)
     }
-    outline = (("outline_changed", SUREST),) if len(found.displaced) > 2 else ()
-    return Claim(effect.changed({"electrode": electrode, **values}), SUREST, found.misfit_before, estimates, outline)
+    sure = confidence(float(found.shift_m[electrode]), float(found.error_m[electrode]), found.radius_m)
+    outline = (("outline_changed", sure),) if len(found.displaced) > 2 else ()
+    return Claim(effect.changed({"electrode": electrode, **values}), sure, found.misfit_before, estimates, outline)
+
+
+def confidence(shift_m: float, error_m: float, radius_m: float) -> float:
+    """Chance that an electrode is further from its place than hands leave it, given where the readings put it."""
+    sigma_m = float(np.hypot(OWN * error_m, FLOOR * radius_m))
+    return float(min(norm.cdf((abs(shift_m) - HANDS * radius_m) / sigma_m), SUREST))

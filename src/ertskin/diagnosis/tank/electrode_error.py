@@ -27,6 +27,8 @@ LEVEL = 0.05
 MOST = 3
 """Electrodes that may be named; with more, "the others" are no standard to go by."""
 FOLDS = 4
+PRIOR = 0.5
+"""Odds that a scan has anything that reads wrong, before it is looked at."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,6 +124,16 @@ def _standing_out(protocol: Protocol, voltage_v: Array, weights: Array, level: f
         named.append(worst)
         chances.append(chance)
         rms, network = rest, known
+
+
+def surely(p_value: float) -> float:
+    """Chance that what stands out with this p-value is wrong, at the best odds a p-value can stand for.
+
+    Sellke, Bayarri and Berger, Am. Stat. 55 (2001) 62: the Bayes factor is at most 1 / (-e p ln p).
+    """
+    p = float(np.clip(p_value, 1e-300, np.exp(-1)))
+    odds = PRIOR / float(-np.e * p * np.log(p))
+    return odds / (1 + odds)
 
 
 def column_errors(

@@ -35,8 +35,8 @@ ACCURACY = 0.05
 USUAL = 0.1
 """Standard deviation of a shift supposed beforehand, over the radius: decides where conformal maps leave a choice."""
 TOLERANCE = 0.1
-"""Shift over the radius from which an electrode is out of place: tanks built by hand are known to about 0.03, and
-what is not two-dimensional in it moves fitted places as much again."""
+"""Shift over the radius, two standard errors taken off, from which an electrode is out of place. Tanks glued by hand
+(to 0.03 at most) exceed it once in 500: extreme-value fit to simulated ones, experiments/real/ottawa/nulls.py."""
 NEEDED = 1.3
 """Readings held out must be predicted so many times better with the electrodes moved."""
 FOLDS = 4

@@ -150,7 +150,7 @@ def test_the_bend_of_the_curve(misfits: list[float], variations: list[float], ch
 
 
 def test_a_diagnosis_names_the_electrode_and_shows_it(scans: np.ndarray, tmp_path: Path):
-    voltage = np.stack([offset(noisy(scans[0], seed), 7, 20 * NOISE_V) for seed in (5, 6)])
+    voltage = np.stack([offset(noisy(scans[0], seed), 7, 30 * NOISE_V) for seed in (5, 6)])
     findings = diagnose_tank(recording(voltage), "made up")
     diagnosis = findings.diagnosis
     assert diagnosis.electrodes == (7,)
