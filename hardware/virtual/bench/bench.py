@@ -190,4 +190,4 @@ class _Run:
     def _landing(self, history: History, number: int) -> Array:
         landing = self.skin.landing_m(history.contact_m[number])
         by_hand = bool(np.isnan(history.depth_m[number]).all())
-        return self._repeatability.placed_m(landing) if by_hand else landing
+        return self._repeatability.placed_m(landing) if by_hand else self._repeatability.landed_m(landing)

@@ -86,7 +86,7 @@ class LiveSkin:
             felt = np.full(len(self._laid_m), self._laid_n * self._repeatability.gain)
             pressure = self._skin.pressure_pa(self._laid_m, felt)
         elif place is not None and force_n > 0.0:
-            landing = self._skin.landing_m(place)[None]
+            landing = self._repeatability.landed_m(self._skin.landing_m(place)[None])
             felt = np.array([force_n * self._repeatability.gain])
             pressure = self._skin.pressure_pa(landing, felt, self._stage.stiffened)
         self._rest_on(pressure, time_s)

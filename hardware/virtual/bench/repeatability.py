@@ -24,6 +24,7 @@ class Repeatability:
         self._walk = np.zeros(len(self._nominal))
         self.gain = 1.0
         self.contact_ohm = self._nominal
+        self._off_m = np.zeros(2)
 
     def next_press(self) -> None:
         """Draw what the next press will be like."""
@@ -36,7 +37,14 @@ class Repeatability:
         if loose and chance < loose["share"]:
             self.contact_ohm[loose["electrode"]] += loose["jump_ohm"] * size
 
+        # Only where it counts: a draw more would change all that comes after it.
+        self._off_m = self._rng.normal(0.0, noise.landing_m, 2) if noise.landing_m > 0.0 else np.zeros(2)
+
     def placed_m(self, landing_m: Array) -> Array:
         """(P,2) where things put down by hand come to lie."""
         spread = self._truth.noise.placement_m
         return landing_m if spread <= 0.0 else landing_m + self._rng.normal(0.0, spread, landing_m.shape)
+
+    def landed_m(self, landing_m: Array) -> Array:
+        """(P,2) where the stage comes down in this press."""
+        return landing_m + self._off_m

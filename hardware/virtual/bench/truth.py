@@ -19,7 +19,8 @@ class Noise:
 
     ``coloured_share`` of the white variance is correlated along the scan; ``spike_share`` of the readings are off by
     about ``spike_v``; a press is off by ``press_gain`` (relative), every contact resistance walks by ``walk_share`` of
-    itself from press to press and is drawn back, and weights are put down within ``placement_m``.
+    itself from press to press and is drawn back, weights are put down within ``placement_m``, and a stage lands within
+    ``landing_m`` of where it is sent.
     """
 
     white_v: float = 2e-3
@@ -29,6 +30,7 @@ class Noise:
     walk_share: float = 0.0
     press_gain: float = 0.0
     placement_m: float = 0.0
+    landing_m: float = 0.0
     force_n: float = 0.01
     specimen_share: float = 0.0025
 

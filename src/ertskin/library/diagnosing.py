@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 from ertskin.diagnosis.any_recording import diagnose_any
 from ertskin.diagnosis.contract.claims import Diagnosis
+from ertskin.diagnosis.output.joint_calibration import joint_calibration
 from ertskin.library.source import RecordingSource, recording_of
 
 
@@ -17,8 +19,9 @@ def diagnose(
 ) -> Diagnosis:
     """Diagnose a recording, or the file at a path; seconds to minutes.
 
-    The answer's ``verdict`` and ``claims`` say what was found, its ``effects`` go straight into ``simulate``, and
-    ``plain()`` gives the dictionary that ``ertskin diagnose`` writes to diagnosis.json.
+    The answer's ``verdict`` and ``claims`` say what was found, its ``effects`` go straight into ``simulate``, with the
+    ``calibration`` that was fitted together with them (None where no effect was named), and ``plain()`` gives the
+    dictionary that ``ertskin diagnose`` writes to diagnosis.json.
 
     Args:
         recording: a recording in memory, or the path of one.
@@ -30,4 +33,5 @@ def diagnose(
         RecordingError: where the file can't be read.
     """
     read, name = recording_of(recording)
-    return diagnose_any(read, name, report, resolution).diagnosis
+    findings = diagnose_any(read, name, report, resolution)
+    return replace(findings.diagnosis, calibration=joint_calibration(findings))

@@ -23,12 +23,14 @@ from ertskin.hardware.virtual.bench import (
 )
 from ertskin.hardware.virtual.bench.nominal import nominal_sensor
 from ertskin.hardware.virtual.bench.plans import PLANS, WEIGHT_N, presses
+from ertskin.hardware.virtual.bench.repeatability import Repeatability
 from ertskin.hardware.virtual.bench.sealing import SealError, seal, unseal
 from ertskin.hardware.virtual.bench.strength import Ruler
 from ertskin.physics.history import History, Phase
 
 SENSOR = nominal_sensor()
 SILENT = Noise(white_v=0.0, force_n=0.0)
+OFF = Noise(landing_m=6e-4)
 SHORT = presses(SENSOR.taxel_m[[7, 8]], np.array([1e-3, 3e-3]), holds=1)
 
 
@@ -113,6 +115,18 @@ def test_two_weights_press_with_their_weight():
     frames = Bench(truth, resolution=FAST).frames(history, "weights")
     np.testing.assert_allclose(frames.history.force_n[1:], WEIGHT_N)
     assert frames.history.force_n[0, 0] == 0.0
+
+
+def test_a_stage_lands_beside_its_place_by_as_much_as_it_is_given():
+    steady, loose = (Repeatability(draw_truth(SENSOR, 1, noise=noise), "a") for noise in (Noise(), OFF))
+    place, landed = np.array([[0.03, 0.04]]), []
+    for _ in range(400):
+        steady.next_press()
+        loose.next_press()
+        assert np.array_equal(steady.landed_m(place), place)
+        assert np.array_equal(loose.landed_m(place), loose.landed_m(place))
+        landed.append(loose.landed_m(place) - place)
+    assert np.std(landed) == pytest.approx(OFF.landing_m, rel=0.1)
 
 
 def test_noise_has_the_size_it_was_given():

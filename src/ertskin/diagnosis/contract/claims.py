@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ertskin.calibration.result import Calibration
 from ertskin.diagnosis.judge.repeatability import Repeatability
 from ertskin.physics.effects.effect import Effect, Parameter
 
@@ -139,7 +140,8 @@ class Diagnosis:
 
     ``remainder_ratio``: held-out misfit where a model without a name predicts what the names leave; ``presses_differ``
     how presses scatter where that is most of what the names leave; ``specimen`` whether it "agrees" or "disagrees" with
-    the skin; ``tried`` the sets of effects fitted to the readings, in order.
+    the skin; ``tried`` the sets of effects fitted to the readings, in order; ``calibration`` what was fitted together
+    with the effects, to be simulated with them.
     """
 
     recording: str
@@ -159,6 +161,7 @@ class Diagnosis:
     reason: str | None = None
     specimen: str | None = None
     tried: tuple[Tried, ...] = ()
+    calibration: Calibration | None = None
     extra: dict[str, Any] = field(default_factory=dict)
 
     @property
