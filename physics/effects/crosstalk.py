@@ -60,10 +60,12 @@ class Crosstalk(AcquisitionEffect):
 
     @classmethod
     def reading_starts(cls, sensor: Sensor, protocol: Protocol) -> tuple[Start, ...]:
-        """All channels alike, however an injection begins, and each alone."""
+        """All channels alike, however an injection begins, and each alone; a first one may find an empty capacitor."""
         ways, channels = ("channel", "injection"), range(-1, protocol.shape[1])
         every = [cls(fraction=0.01, channel=channel, before=way) for way in ways for channel in channels]
         every += [cls(fraction=0.01, begins=begins) for begins in BEGINNINGS[1:]]
+        first = np.unique(protocol.taken.argmax(axis=1)).tolist()
+        every += [cls(fraction=0.01, channel=channel, begins=BEGINNINGS[1]) for channel in first]
         return tuple(Start(one, ("fraction",), ("fraction",)) for one in every)
 
 

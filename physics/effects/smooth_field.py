@@ -12,8 +12,14 @@ from ertskin.physics.effects.effect import Array
 
 Nodes = tuple[tuple[float, ...], ...]
 
-SPOTS = 5
-"""Gaussian spots are tried at SPOTS x SPOTS places."""
+SPOTS = 8
+"""Gaussian spots are tried at SPOTS places along the sheet's longer side, and as many along the other as it is long."""
+RADII = 0.6, 1.2, 2.4
+"""Their standard deviations, over the distance between the places."""
+ANGLES, OFFSETS = 12, 24
+"""Directions in which lines are tried, and places in each."""
+WIDTHS = 1.0, 2.5
+"""Widths of lines tried, over the distance between them."""
 MOST_KEPT = 4000
 """Places of one array, more of which aren't remembered."""
 
@@ -44,10 +50,23 @@ def node_position_m(shape: tuple[int, int], extent_m: Array) -> Array:
 def spots_over(extent_m: Array) -> Iterator[tuple[float, float, float]]:
     """Middles and radius in metre of the spots that a search begins with, all over a sheet's box (2,2)."""
     low, high = extent_m
-    radius_m = 0.6 * float((high - low).min()) / SPOTS
-    for x_m in np.linspace(low[0], high[0], 2 * SPOTS + 1)[1::2]:
-        for y_m in np.linspace(low[1], high[1], 2 * SPOTS + 1)[1::2]:
-            yield float(x_m), float(y_m), radius_m
+    apart_m = float((high - low).max()) / SPOTS
+    places = [low[k] + apart_m * (np.arange(round(float(high[k] - low[k]) / apart_m)) + 0.5) for k in range(2)]
+    for radius in RADII:
+        for x_m in places[0]:
+            for y_m in places[1]:
+                yield float(x_m), float(y_m), radius * apart_m
+
+
+def lines_over(extent_m: Array) -> Iterator[tuple[float, float, float]]:
+    """Angle, offset from the middle and width in metre of the lines that a search begins with, across the box (2,2)."""
+    half = 0.5 * (extent_m[1] - extent_m[0])
+    for angle_rad in np.pi / ANGLES * np.arange(ANGLES):
+        reach = float(half @ np.abs([np.cos(angle_rad), np.sin(angle_rad)]))
+        apart_m = 2 * reach / OFFSETS
+        for offset_m in -reach + apart_m * (np.arange(OFFSETS) + 0.5):
+            for width in WIDTHS:
+                yield float(angle_rad), float(offset_m), width * apart_m
 
 
 def _unit(coordinate: Array, ends: Array) -> Array:

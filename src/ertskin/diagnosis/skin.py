@@ -17,6 +17,7 @@ from ertskin.diagnosis.judge.quantities import with_quantities
 from ertskin.diagnosis.judge.remainder import remainder
 from ertskin.diagnosis.judge.repeatability import Repeatability, repeatability
 from ertskin.diagnosis.judge.result import Findings
+from ertskin.diagnosis.judge.undetermined_field import ratio_with_what_is_unknown
 from ertskin.diagnosis.linear.calibration_vector import SHAPE, Calibration, SkinFamily
 from ertskin.diagnosis.linear.linear_skin import LinearSkin
 from ertskin.diagnosis.recording.evidence import CannotTell, Evidence, gather
@@ -68,6 +69,8 @@ def _diagnose(recording: Recording, name: str, report: Report, resolution: str, 
     plain = _plain(evidence, baseline, family, fitted, selection)
     report(0.85, "predicting presses no fit has seen")
     found = predictions(evidence, baseline, plain, selection, family, held)
+    if found.ratio_after > MATERIAL_RATIO and any(term.modes is not None for term in selection.after.terms):
+        found = replace(found, known_ratio=_known_ratio(evidence, baseline, family, selection.after, found))
     selection, found = unspoilt(evidence, baseline, selection, family, found)
     skin = family.skin(selection.after.calibration, selection.after.effects)
     differ = _presses_that_differ(selection, skin) if found.ratio_after > MATERIAL_RATIO else None
@@ -106,6 +109,15 @@ def _plain(evidence: Evidence, baseline: Baseline, family: SkinFamily, fitted: I
     skin = family.remeshed(_start(baseline), ())
     problem = _problem(evidence, baseline, family, skin, baseline.plain_force_n, fitted, lambda share, text: None)
     return problem.solve((), _start(baseline))
+
+
+def _known_ratio(
+    evidence: Evidence, baseline: Baseline, family: SkinFamily, after: Solved, found: Predictions
+) -> float | None:
+    """Misfit over noise held out, where what isn't known of fields there counts as noise."""
+    skin = family.remeshed(after.calibration, after.effects)
+    problem = _problem(evidence, baseline, family, skin, baseline.force_n, found.held, lambda share, text: None)
+    return ratio_with_what_is_unknown(problem, after, found.after)
 
 
 def _start(baseline: Baseline) -> Calibration:

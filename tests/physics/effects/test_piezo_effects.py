@@ -122,12 +122,27 @@ def test_inhomogeneity_is_a_spot_on_a_slope() -> None:
     at = np.array([[0.02, 0.1], [0.04, 0.1], [0.12, 0.0]])
     slope = 0.1 * (at[:, 0] / 0.12 - 0.5)
     spot = 0.4 * np.exp(-0.5 * np.array([0.0, 1.0, (0.1**2 + 0.1**2) / 0.02**2]))
-    np.testing.assert_allclose(effect.log_sensitivity(at, EXTENT), slope + spot, rtol=1e-12)
+    np.testing.assert_allclose(effect.logarithm(at, EXTENT), slope + spot, rtol=1e-12)
 
 
 def test_inhomogeneity_by_nodes_passes_through_them() -> None:
     nodes = ((0.0, 0.1, 0.2), (0.3, 0.4, 0.5), (0.6, 0.7, 0.8))
     at = np.array([[0.0, 0.0], [0.06, 0.06], [0.12, 0.12], [0.12, 0.0]])
-    np.testing.assert_allclose(
-        PiezoInhomogeneity(nodes=nodes).log_sensitivity(at, EXTENT), [0.0, 0.4, 0.8, 0.2], atol=1e-12
-    )
+    np.testing.assert_allclose(PiezoInhomogeneity(nodes=nodes).logarithm(at, EXTENT), [0.0, 0.4, 0.8, 0.2], atol=1e-12)
+
+
+def test_a_line_is_a_strip_and_a_step_what_differs_on_its_sides() -> None:
+    line = PiezoInhomogeneity(ridge=0.3, step=0.1, angle_rad=np.pi / 2, offset_m=0.01, width_m=0.01, edge_m=5e-4)
+    at = np.array([[0.0, 0.07], [0.1, 0.0741], [0.05, 0.085], [0.05, 0.055]])
+    found = line.logarithm(at, EXTENT)
+    np.testing.assert_allclose(found, [0.3, 0.3 + 0.05, 0.05, -0.05], atol=0.02)
+    turned = PiezoInhomogeneity(ridge=0.3, angle_rad=np.pi / 4, width_m=0.01)
+    along = 0.06 + np.outer([-0.03, 0.0, 0.03], [1.0, -1.0])
+    np.testing.assert_allclose(turned.logarithm(along, EXTENT), 0.3, rtol=1e-9)
+
+
+def test_a_raised_field_is_the_same_and_more_everywhere() -> None:
+    at = np.random.default_rng(0).uniform(0, 0.12, (20, 2))
+    for effect in (PiezoInhomogeneity(amplitude=0.4, x_m=0.02), PiezoInhomogeneity(nodes=((0.0, 0.1), (0.3, 0.4)))):
+        more = effect.raised(0.25).logarithm(at, EXTENT) - effect.logarithm(at, EXTENT)
+        np.testing.assert_allclose(more, 0.25, rtol=1e-9)

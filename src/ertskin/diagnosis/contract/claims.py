@@ -38,14 +38,22 @@ class Estimate:
 
 @dataclass(frozen=True, eq=False)
 class FieldMap:
-    """The values (n,) of an effect's field at points (n,2) in metre."""
+    """The values (n,) of an effect's field at points (n,2) in metre.
+
+    Of its smooth part, where there is one, the standard ``error`` (n,) and where the recording has ``told`` it (n,).
+    """
 
     point_m: NDArray[np.float64]
     value: NDArray[np.float64]
+    error: NDArray[np.float64] | None = None
+    told: NDArray[np.bool_] | None = None
 
     def plain(self) -> dict[str, Any]:
         """As ``diagnosis.json`` wants it."""
-        return {"point_m": np.round(self.point_m, 6).tolist(), "value": np.round(self.value, 5).tolist()}
+        numbers = {"point_m": np.round(self.point_m, 6).tolist(), "value": np.round(self.value, 5).tolist()}
+        if self.error is not None and self.told is not None:
+            numbers |= {"error": np.round(self.error, 5).tolist(), "told": self.told.tolist()}
+        return numbers
 
 
 @dataclass(frozen=True)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property, partial
 from typing import Any, cast
 
 import numpy as np
@@ -12,11 +13,13 @@ from numpy.typing import NDArray
 from ertskin.diagnosis.fit.levenberg_marquardt import Fit, Quadratic, descend
 from ertskin.diagnosis.fit.nonreciprocal import AcquisitionSignal, acquires
 from ertskin.diagnosis.linear.calibration_vector import SHAPE, WIDEST_RATIO, Calibration, SkinFamily
-from ertskin.diagnosis.linear.linear_skin import LinearSkin
+from ertskin.diagnosis.linear.linear_skin import Fields, LinearSkin
 from ertskin.diagnosis.recording.evidence import Evidence
 from ertskin.diagnosis.specimen.signal import SpecimenSignal
 from ertskin.physics.effects.effect import Effect, shown_by
+from ertskin.physics.effects.field_over_sheet import FieldOverSheet
 from ertskin.physics.effects.hypothesis import Signal
+from ertskin.physics.effects.smooth_field import Nodes, field_design
 from ertskin.physics.skin import Skin
 
 Array = NDArray[np.float64]
@@ -33,22 +36,59 @@ SCALED = 0.7
 """The same for parameters that are always positive, over their value."""
 LEAST_LAW = 1e-3
 """Part of the unpressed sheet's resistance that must be left under any pressure."""
+RAISED = 1e-3
+"""By how much a field is raised for the derivatives by it."""
 CONTACT_STEP = 1e-3
 """Of the logarithm of contact resistances, for their derivative: what drifts is added, what presses multiplies."""
 LEFTOVER_FRAMES = 80
 """Frames whose non-reciprocal part is fitted; it counts as that of all."""
 
 
+@dataclass(frozen=True, eq=False)
+class Modes:
+    """Fields over the sheet by their ``nodes`` (K,rows,columns): sums of them in which each has unit variance, and no
+    mean, are what is expected of a field beforehand. They are the larger part of a process: of the covariance with
+    this number, and of standard deviation ``spread``."""
+
+    nodes: Array
+    covariance: int = 0
+    spread: float = 0.0
+
+    def of(self, sizes: Sequence[float]) -> Nodes:
+        """Node values of the sum in which the modes have these ``sizes`` (K,)."""
+        return tuple(tuple(map(float, row)) for row in np.tensordot(np.asarray(sizes), self.nodes, 1))
+
+    def __call__(self, position_m: Array, extent_m: Array) -> Array:
+        """(N,K) the modes at positions (N,2) of a sheet with the box ``extent_m`` (2,2)."""
+        count, *shape = self.nodes.shape
+        return np.asarray(field_design((shape[0], shape[1]), position_m, extent_m) @ self.nodes.reshape(count, -1).T)
+
+
 @dataclass(frozen=True)
 class Term:
-    """An effect in a fit: where it starts and which parameters may move."""
+    """An effect in a fit: where it starts and which parameters may move.
+
+    A smooth field moves in its ``modes``, of which it has ``sizes`` (K,).
+    """
 
     effect: Effect
     free: tuple[str, ...]
+    modes: Modes | None = None
+    sizes: tuple[float, ...] = ()
 
     @property
     def name(self) -> str:
         return self.effect.name
+
+    @property
+    def count(self) -> int:
+        """How many numbers may move."""
+        return len(self.free) + len(self.sizes)
+
+    @property
+    def start(self) -> list[float]:
+        """The numbers that may move, where they are."""
+        return [*(getattr(self.effect, key) for key in self.free), *self.sizes]
 
     def nearer(self, share: float) -> Term:
         """The term where only this share of it is there."""
@@ -59,11 +99,15 @@ class Term:
         }
         if nodes := getattr(self.effect, "nodes", ()):
             values["nodes"] = tuple(tuple(share * value for value in row) for row in nodes)
-        return Term(self.effect.changed(values), self.free)
+        return replace(self, effect=self.effect.changed(values), sizes=tuple(share * size for size in self.sizes))
 
-    def at(self, values: Sequence[float]) -> Effect:
-        """The effect with its free parameters at these values."""
-        return self.effect.changed(dict(zip(self.free, map(float, values), strict=True)))
+    def at(self, numbers: Sequence[float]) -> Term:
+        """The term with the numbers that may move at these values."""
+        values: dict[str, Any] = dict(zip(self.free, map(float, numbers), strict=False))
+        sizes = tuple(map(float, numbers[len(self.free) :]))
+        if self.modes is not None:
+            values["nodes"] = self.modes.of(sizes)
+        return replace(self, effect=self.effect.changed(values), sizes=sizes)
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,8 +136,8 @@ class Solved:
 
         The error is that of white residuals of their size, or the folds' if they pull the value about by more.
         """
-        first = len(self.fit.value) - sum(len(t.free) for t in self.terms)
-        position = first + sum(len(t.free) for t in self.terms[:term]) + self.terms[term].free.index(key)
+        first = len(self.fit.value) - sum(t.count for t in self.terms)
+        position = first + sum(t.count for t in self.terms[:term]) + self.terms[term].free.index(key)
         inflation = max(1.0, float((self.scan_residual**2).mean()))
         white = inflation * self.fit.covariance[position, position]
         error = float(np.sqrt(max(white, self.fit.robust_covariance[position, position], 0.0)))
@@ -169,7 +213,7 @@ class VoltageProblem:
         """Best calibration and effects; ``leftover`` counts the non-reciprocal part even without a term in it."""
         self._always_leftover = leftover
         layout = _Layout(tuple(terms), len(start.vector()))
-        begin = np.concatenate([start.vector(), *[[getattr(t.effect, k) for k in t.free] for t in terms]])
+        begin = np.concatenate([start.vector(), *[t.start for t in terms]])
         low, high = layout.bounds(begin)
         mean, precision = layout.prior(len(start.contact_ohm))
         fit = descend(
@@ -182,9 +226,8 @@ class VoltageProblem:
             precision,
             steps=steps,
         )
-        calibration, effects = layout.split(fit.value)
-        solved = tuple(Term(e, t.free) for e, t in zip(effects, terms, strict=True))
-        skin = self.family.skin(calibration, effects)
+        calibration, solved = layout.split(fit.value)
+        skin = self.family.skin(calibration, [t.effect for t in solved])
         self._latest = Solved(calibration, solved, fit, self.scan_residual(skin))
         return self._latest
 
@@ -193,8 +236,8 @@ class VoltageProblem:
         return solved if solved is self._latest else self.solve(solved.terms, solved.calibration, steps=1)
 
     def _skin(self, layout: _Layout, x: Array) -> Skin:
-        calibration, effects = layout.split(x)
-        return self.family.skin(calibration, effects)
+        calibration, terms = layout.split(x)
+        return self.family.skin(calibration, [t.effect for t in terms])
 
     def _cost(self, layout: _Layout, x: Array) -> float:
         skin = self._skin(layout, x)
@@ -213,26 +256,50 @@ class VoltageProblem:
         count = len(x)
         columns = np.zeros((*scan.shape, count), dtype=np.float32)
         specimen_columns = np.zeros((len(specimen), count))
-        leftover_columns = np.zeros((0 if leftover is None else leftover.size, count - layout.calibration))
+        instrument = [k for k in range(layout.calibration, count) if layout.is_instrument(k)]
+        leftover_columns = np.zeros((0 if leftover is None else leftover.size, len(instrument)))
         electrodes = self.evidence.protocol.electrodes
         contact = self.contact_columns(skin)
         columns[..., 1 : 1 + electrodes] = self.evidence.discounted(contact)
         known = self._known_columns(layout)
         if known is not None:
             columns[..., : layout.calibration], specimen_columns[:, : layout.calibration] = known
-        moving = range(layout.calibration, count) if known is not None else [0, *range(1 + electrodes, count)]
-        for k in moving:
+        first = [] if known is not None else [0, *range(1 + electrodes, layout.calibration)]
+        for k in (*first, *layout.parameters):
             step = layout.step(k, x)
             moved = x.copy()
             moved[k] += step
-            instrument = leftover is not None and layout.is_instrument(k)
-            there = self._blocks(self._skin(layout, moved), instrument)
+            there = self._blocks(self._skin(layout, moved), leftover is not None and k in instrument)
             columns[..., k] = (scan - there[0]) / step
             specimen_columns[:, k] = (specimen - there[1]) / step
             if leftover is not None and there[2] is not None:
-                leftover_columns[:, k - layout.calibration] = ((leftover - there[2]) / step).ravel()
+                leftover_columns[:, instrument.index(k)] = ((leftover - there[2]) / step).ravel()
+        self._fill_fields(layout, skin, columns)
         self.last_columns = columns, specimen_columns
-        return self._quadratic(scan, columns, specimen, specimen_columns, leftover, leftover_columns)
+        quadratic = self._quadratic(scan, columns, specimen, specimen_columns)
+        if leftover is not None:
+            self._add_leftover(quadratic, leftover, np.array(instrument, dtype=np.intp), leftover_columns)
+        return quadratic
+
+    def _fill_fields(self, layout: _Layout, skin: Skin, columns: NDArray[np.float32]) -> None:
+        """The columns (T,P,n) of smooth fields, by their modes."""
+        extent_m = self.evidence.sensor.extent_m
+        for term, where in layout.fields:
+            modes = cast(Modes, layout.terms[term].modes)
+            for rows, found in self.field_columns(skin, term, partial(modes, extent_m=extent_m)):
+                columns[rows, :, where] = found
+
+    def field_columns(self, skin: Skin, number: int, fields: Fields) -> Iterator[tuple[NDArray[np.intp], Array]]:
+        """Rows (m,), and what each of K ``fields`` added to that of the skin's effect ``number`` changes of their
+        scans, (m,P,K) in units of the noise."""
+        raised_effect = cast(FieldOverSheet, skin.effects[number]).raised(RAISED)
+        raised = replace(skin, effects=(*skin.effects[:number], raised_effect, *skin.effects[number + 1 :]))
+        through = self.acquisition.on_columns(skin)
+        for rows, found in self.linear.field_columns(skin, raised, RAISED, fields):
+            if through is not None:
+                found = np.einsum("pq,mqk->mpk", through, found, optimize=True)
+            part = self.evidence.frames(rows).discounted(found / self.evidence.noise_v)
+            yield rows, np.where(self.weight[rows, None, None] > 0, part, 0.0)
 
     def _known_columns(self, layout: _Layout) -> tuple[Array, Array] | None:
         """The calibration's columns of an earlier fit of this problem: they hardly depend on the terms."""
@@ -243,42 +310,31 @@ class VoltageProblem:
         return None
 
     def _quadratic(
-        self,
-        scan: Array,
-        columns: NDArray[np.float32],
-        specimen: Array,
-        specimen_columns: Array,
-        leftover: Array | None,
-        leftover_columns: Array,
+        self, scan: Array, columns: NDArray[np.float32], specimen: Array, specimen_columns: Array
     ) -> Quadratic:
         """By cell of frames, and one more cell for the specimen."""
         count = columns.shape[-1]
-        cost = np.zeros(self.cell_count + 1)
-        gradient = np.zeros((self.cell_count + 1, count))
-        hessian = np.zeros((self.cell_count + 1, count, count))
-
-        def add(cell: int, wrong: Array, design: Array, share: float) -> None:
-            cost[cell] += 0.5 * share * float(wrong @ wrong)
-            gradient[cell] += share * (design.T @ wrong)
-            hessian[cell] += share * (design.T @ design)
-
+        found = Quadratic(
+            np.zeros(self.cell_count + 1),
+            np.zeros((self.cell_count + 1, count)),
+            np.zeros((self.cell_count + 1, count, count)),
+        )
+        everything = np.arange(count)
         for cell in range(self.cell_count):
             mine = (self.cells == cell) & (self.weight > 0)
             if mine.any():
-                add(cell, scan[mine].ravel(), columns[mine].reshape(-1, count).astype(float), 1.0)
-        add(self.cell_count, specimen, specimen_columns, 1.0)
-        if leftover is not None:
-            first = count - leftover_columns.shape[1]
-            design = leftover_columns.reshape(*leftover.shape, count - first)
-            for cell in range(self.cell_count):
-                mine = self.cells[self.acquisition.rows] == cell
-                if mine.any():
-                    wrong = leftover[mine].ravel()
-                    columns_here = design[mine].reshape(len(wrong), count - first)
-                    cost[cell] += 0.5 * self.leftover_share * float(wrong @ wrong)
-                    gradient[cell, first:] += self.leftover_share * (columns_here.T @ wrong)
-                    hessian[cell, first:, first:] += self.leftover_share * (columns_here.T @ columns_here)
-        return Quadratic(cost, gradient, hessian)
+                found.add(cell, scan[mine].ravel(), columns[mine].reshape(-1, count).astype(float), everything)
+        found.add(self.cell_count, specimen, specimen_columns, everything)
+        return found
+
+    def _add_leftover(self, quadratic: Quadratic, leftover: Array, which: NDArray[np.intp], columns: Array) -> None:
+        """What no network explains, (n,K*M) with the ``columns`` (n*K*M,c) of the numbers ``which`` (c,)."""
+        design = columns.reshape(*leftover.shape, len(which))
+        for cell in range(self.cell_count):
+            mine = self.cells[self.acquisition.rows] == cell
+            if mine.any():
+                wrong = leftover[mine].ravel()
+                quadratic.add(cell, wrong, design[mine].reshape(len(wrong), len(which)), which, self.leftover_share)
 
     def contact_columns(self, skin: Skin) -> Array:
         """(T,P,L) change of the scans per unit logarithm of each contact resistance, in units of the noise."""
@@ -304,30 +360,47 @@ class _Layout:
         """Which number is the logarithm of the moduli's ratio."""
         return self.calibration - SHAPE - 1
 
-    def split(self, x: Array) -> tuple[Calibration, tuple[Effect, ...]]:
-        effects, k = [], self.calibration
-        for term in self.terms:
-            effects.append(term.at(x[k : k + len(term.free)].tolist()))
-            k += len(term.free)
-        return Calibration.of(x[: self.calibration]), tuple(effects)
+    def split(self, x: Array) -> tuple[Calibration, tuple[Term, ...]]:
+        terms = [term.at(x[k : k + term.count].tolist()) for term, k in zip(self.terms, self._first, strict=True)]
+        return Calibration.of(x[: self.calibration]), tuple(terms)
 
-    def _free(self, index: int) -> tuple[Term, str]:
-        k = index - self.calibration
-        for term in self.terms:
-            if k < len(term.free):
-                return term, term.free[k]
-            k -= len(term.free)
-        raise IndexError(index)
+    @cached_property
+    def _first(self) -> list[int]:
+        """Each term's first number."""
+        return [self.calibration + sum(t.count for t in self.terms[:k]) for k in range(len(self.terms))]
+
+    @cached_property
+    def _named(self) -> dict[int, tuple[Term, str]]:
+        """The terms' parameters by their number."""
+        return {
+            first + k: (term, key)
+            for term, first in zip(self.terms, self._first, strict=True)
+            for k, key in enumerate(term.free)
+        }
+
+    @property
+    def parameters(self) -> list[int]:
+        """The numbers that are parameters of effects."""
+        return list(self._named)
+
+    @property
+    def fields(self) -> list[tuple[int, slice]]:
+        """Terms with a field in modes, by their place in the list, and which numbers are the modes' sizes."""
+        return [
+            (k, slice(first + len(term.free), first + term.count))
+            for k, (term, first) in enumerate(zip(self.terms, self._first, strict=True))
+            if term.modes is not None
+        ]
 
     def is_instrument(self, index: int) -> bool:
         """Whether the number belongs to an effect that no resistor network explains."""
-        return index >= self.calibration and shown_by(self._free(index)[0].effect, Signal.NONRECIPROCAL)
+        return index in self._named and shown_by(self._named[index][0].effect, Signal.NONRECIPROCAL)
 
     def step(self, index: int, x: Array) -> float:
         """Finite-difference step, away from the upper bound."""
         if index < self.calibration:
             return 1e-3
-        term, key = self._free(index)
+        term, key = self._named[index]
         known = term.effect.parameters()[key]
         size = 0.02 * known.typical
         return size if x[index] + size <= known.high else -size
@@ -337,15 +410,16 @@ class _Layout:
         low[: self.ratio] = np.log(LEAST_OHM)
         high[: self.ratio] = np.log(MOST_OHM)
         low[self.ratio], high[self.ratio] = -WIDEST_RATIO, WIDEST_RATIO
-        for k in range(self.calibration, len(x)):
-            term, key = self._free(k)
+        for k, (term, key) in self._named.items():
             known = term.effect.parameters()[key]
             low[k], high[k] = known.low, known.high
         return low, high
 
     def prior(self, electrodes: int) -> tuple[Array, Array]:
-        count = self.calibration + sum(len(t.free) for t in self.terms)
+        count = self.calibration + sum(t.count for t in self.terms)
         precision = np.zeros(count)
+        for _, where in self.fields:
+            precision[where] = 1.0
         precision[1 + electrodes] = RATIO_PRIOR**-2
         precision[2 + electrodes : self.calibration] = SHAPE_PRIOR**-2
         precision[7 + electrodes : self.calibration] = HIGHER_PRIOR**-2
@@ -384,7 +458,7 @@ class _Numbers:
 
 
 def _numbers(solved: Solved) -> list[_Numbers]:
-    first = len(solved.fit.value) - sum(len(t.free) for t in solved.terms)
+    first = len(solved.fit.value) - sum(t.count for t in solved.terms)
     found = []
     for term in solved.terms:
         known = [term.effect.parameters()[key] for key in term.free]
@@ -394,7 +468,7 @@ def _numbers(solved: Solved) -> list[_Numbers]:
         scale = np.where([p.low > 0 for p in known], SCALED * value, 0.0)
         reach = np.maximum(REACH * np.array([p.typical for p in known]), scale)
         found.append(_Numbers(first + np.arange(len(known)), reach, away))
-        first += len(known)
+        first += term.count
     return found
 
 

@@ -19,6 +19,12 @@ class Quadratic:
     gradient: Array
     hessian: Array
 
+    def add(self, fold: int, wrong: Array, columns: Array, which: NDArray[np.intp], share: float = 1.0) -> None:
+        """Count residuals (m,) with their ``columns`` (m,c) by the variables ``which`` (c,) in a fold."""
+        self.cost[fold] += 0.5 * share * float(wrong @ wrong)
+        self.gradient[fold, which] += share * (columns.T @ wrong)
+        self.hessian[fold, which[:, None], which] += share * (columns.T @ columns)
+
 
 @dataclass(frozen=True, eq=False)
 class Fit:

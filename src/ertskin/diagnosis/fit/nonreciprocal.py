@@ -41,12 +41,20 @@ class AcquisitionSignal:
         """(T,P) whitened scans as the instrument sees them."""
         scans = self.linear.scans(skin)
         for effect in instruments(skin.effects):
-            if effect not in self._maps:
-                # Most parameters a fit moves leave the instrument alone: a few of its maps are enough.
-                self._maps = {**dict(list(self._maps.items())[-REMEMBERED:]), effect: self._on_scans(effect)}
-            matrix, offset = self._maps[effect]
+            matrix, offset = self._map(effect)
             scans = scans @ matrix.T + offset
         return scans
+
+    def on_columns(self, skin: Skin) -> Array | None:
+        """(P,P) what the instrument makes of a change of whitened scans, None where it leaves them alone."""
+        maps = [self._map(effect)[0] for effect in instruments(skin.effects)]
+        return reduce(lambda done, matrix: matrix @ done, maps) if maps else None
+
+    def _map(self, effect: AcquisitionEffect) -> tuple[Array, Array]:
+        """``_on_scans``, remembered: most parameters that a fit moves leave the instrument alone."""
+        if effect not in self._maps:
+            self._maps = {**dict(list(self._maps.items())[-REMEMBERED:]), effect: self._on_scans(effect)}
+        return self._maps[effect]
 
     def _on_scans(self, effect: AcquisitionEffect) -> tuple[Array, Array]:
         """What a linear effect does to whitened scans: matrix (P,P) and offset (P,)."""

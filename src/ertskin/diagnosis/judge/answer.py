@@ -27,6 +27,7 @@ from ertskin.diagnosis.judge.contact_drift_claims import drift_claims
 from ertskin.diagnosis.judge.held_out import Predictions, broad_ratio, misfit_p
 from ertskin.diagnosis.judge.repeatability import Repeatability
 from ertskin.diagnosis.judge.result import Findings
+from ertskin.diagnosis.judge.undetermined_field import told_points
 from ertskin.diagnosis.recording.evidence import Evidence
 from ertskin.diagnosis.recording.split import SPLIT
 from ertskin.diagnosis.rest.baseline import Baseline
@@ -156,7 +157,7 @@ def _claims(case: Case) -> list[Claim]:
 
 def _rules(case: Case) -> list[tuple[str, str, Callable[[list[Claim]], list[Claim]]]]:
     """What makes claims less sure: name, reason and rule, in the order in which they count."""
-    selection, ratios = case.selection, (case.found.ratio_before, case.found.ratio_after)
+    selection, ratios = case.selection, (case.found.ratio_before, case.found.ratio_judged)
     presses_free = None if case.differ is None else case.differ.left_of(case.found.ratio_after)
     agrees = selection.specimen == "agrees"
     shown = {finding.effect.name for finding in case.baseline.specimen_findings if agrees}
@@ -233,6 +234,11 @@ def _reason(case: Case, jitters: bool) -> str | None:
         said.append(
             f"the contact of electrode {case.baseline.noise.jittering} changes between rest frames: is it loose?"
         )
+    said += [
+        f"{name} is told at {told} of {points} sensing points: press at the others"
+        for name, told, points in told_points(case.selection.after, case.evidence.sensor)
+        if told < points
+    ]
     if case.selection.specimen == "disagrees":
         said.append("the specimen and the skin disagree, two pieces of fabric: the skin is judged by its own readings")
     return "; ".join(said) or None

@@ -25,11 +25,16 @@ LONE_PRESS = 2.0
 
 @dataclass(frozen=True, eq=False)
 class Predictions:
-    """Whitened residuals (n,P), in units of the noise, of the frames ``held`` (n,) by the plain simulator and after."""
+    """Whitened residuals (n,P), in units of the noise, of the frames ``held`` (n,) by the plain simulator and after.
+
+    ``known_ratio``: misfit over noise after, where what isn't known of a field at presses that no fit has seen counts
+    as noise; None without a field.
+    """
 
     held: Indices
     before: Array
     after: Array
+    known_ratio: float | None = None
 
     @property
     def ratio_before(self) -> float:
@@ -40,6 +45,11 @@ class Predictions:
     def ratio_after(self) -> float:
         """Misfit over noise with what was named."""
         return ratio(self.after)
+
+    @property
+    def ratio_judged(self) -> float:
+        """The misfit that speaks against what was named."""
+        return self.ratio_after if self.known_ratio is None else min(self.known_ratio, self.ratio_after)
 
 
 def predictions(
@@ -63,9 +73,9 @@ def unspoilt(
         return selection, found
     plain = family.remeshed(selection.before.calibration, selection.before.effects)
     without = _residual(evidence, plain, baseline.force_n, found.held)
-    if found.ratio_after <= MATERIAL_RATIO * ratio(without):
+    if found.ratio_judged <= MATERIAL_RATIO * ratio(without):
         return selection, found
-    return replace(selection, after=selection.before, chosen=()), replace(found, after=without)
+    return replace(selection, after=selection.before, chosen=()), replace(found, after=without, known_ratio=None)
 
 
 def _residual(evidence: Evidence, skin: Skin, force_n: Array, held: Indices) -> Array:

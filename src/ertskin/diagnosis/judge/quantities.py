@@ -11,6 +11,7 @@ from ertskin.diagnosis.contract.claims import FORM, QUANTILE, Claim, Estimate, F
 from ertskin.diagnosis.fit.joint_fit import Solved
 from ertskin.diagnosis.force.fit import ForceFit
 from ertskin.diagnosis.judge.result import Findings
+from ertskin.diagnosis.judge.undetermined_field import errors_at
 from ertskin.diagnosis.linear.calibration_vector import SkinFamily
 from ertskin.physics.conduction.mesh import inside_polygon
 from ertskin.physics.effects.effect import Effect
@@ -60,11 +61,22 @@ def with_quantities(findings: Findings, family: SkinFamily) -> Findings:
         resistance=law.sheet_resistance_ohm_sq,
         largest_pa=largest_pa,
     )
-    claims = tuple(
+    stated_claims = (
         stated(claim, standard, _spread(claim, selection.after, baseline.force_best), evidence.sensor)
         for claim in findings.diagnosis.claims
     )
+    claims = tuple(_with_errors(claim, selection.after, evidence.sensor) for claim in stated_claims)
     return replace(findings, diagnosis=replace(findings.diagnosis, claims=claims))
+
+
+def _with_errors(claim: Claim, solved: Solved, sensor: Sensor) -> Claim:
+    """The claim with what the fit knows of its map, where a smooth field is in it."""
+    if claim.field_map is None:
+        return claim
+    known = errors_at(solved, sensor.extent_m, claim.field_map.point_m).get(claim.effect.name)
+    if known is None:
+        return claim
+    return replace(claim, field_map=replace(claim.field_map, error=known[0], told=known[1]))
 
 
 def stated(claim: Claim, standard: Standard, spread: Spread, sensor: Sensor | None = None) -> Claim:
@@ -118,14 +130,14 @@ def standard_of(sensor: Sensor, protocol: Protocol, history: History) -> Standar
 
 def _spread(claim: Claim, solved: Solved, force: ForceFit | None) -> Spread:
     """What the fit that named the effect knows of its parameters; else the intervals claimed."""
-    first = len(solved.fit.value) - sum(len(t.free) for t in solved.terms)
+    first = len(solved.fit.value) - sum(t.count for t in solved.terms)
     for term in solved.terms:
         if term.effect == claim.effect and set(term.free) >= set(claim.parameters):
             rows = np.arange(first, first + len(term.free))
             inflation = max(1.0, float((solved.scan_residual**2).mean()))
             white, robust = solved.fit.covariance, solved.fit.robust_covariance
             return Spread(term.free, (inflation * _block(white, rows), _block(robust, rows)))
-        first += len(term.free)
+        first += term.count
     if force is not None and claim.effect in force.effects:
         keys = [key for key in claim.effect.parameters() if f"{claim.effect.name}.{key}" in force.names]
         rows = np.array([force.names.index(f"{claim.effect.name}.{key}") for key in keys], dtype=np.intp)

@@ -7,7 +7,7 @@ rest. Everything is in whitened coordinates (volt).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import cached_property
 
@@ -41,7 +41,9 @@ Indices = NDArray[np.intp]
 GRID_M = 1.5e-3
 NEAR_CONTACTS = 0.03
 """Relative change of contact resistances that their first derivatives still carry: a series resistance is linear."""
-COARSE_GRID_M = 0.01
+SHEET_GRID_M = 5e-3
+SHEET_SAMPLE_M = 1.5e-3
+"""Spacing of the points at which a field of the sheet is read, to be spread over the grid ``SHEET_GRID_M``."""
 LEFT_GRID_M = 4e-3
 """Grid for what presses have left behind: a press's own changes are resolved finer."""
 REMEMBERED = 2000
@@ -49,17 +51,24 @@ REMEMBERED = 2000
 RANK = 128
 """Directions kept of the derivatives on a patch's grid. On the paper's skin 100 leave 5e-4 of the noise out of a change
 of a tenth of the signal; every evaluation reads that much less memory."""
-COARSE = Resolution(2, Grading(cell_m=8e-3, rim_m=5e-4, growth=7.0, spread=0.7))
+COARSE = Resolution(2, Grading(cell_m=5e-3, rim_m=5e-4, growth=7.0, spread=0.7))
 """Mesh for derivatives by what changes the whole sheet: good to a percent of them."""
 SHEET_TENSORS = np.array([[1.0, 0.0, 1.0], [0.5, 0.0, -0.5], [0.0, 0.5, 0.0]])
 """Scalar change of conductance and the two derivatives of the anisotropic tensor at isotropy."""
 
 Progress = Callable[[float, str], None]
+Fields = Callable[[Array], Array]
+"""Values (N,K) of K fields at positions (N,2)."""
 
 
 def motions(effects: Sequence[Effect]) -> list[MotionEffect]:
     """The effects by which contacts move during a scan."""
     return [e for e in effects if isinstance(e, MotionEffect) and e.moves]
+
+
+def _stacked(change: SheetState) -> Array:
+    """(3,N) relative change of the conductance, and of the anisotropy along x and along the diagonal."""
+    return np.vstack([np.expm1(change.log_size), change.stretch.T])
 
 
 class LinearSkin:
@@ -238,7 +247,18 @@ class LinearSkin:
     def sheet_hats(self) -> Hats:
         """Coarse grid over the whole sheet on which its own field and anisotropy are resolved."""
         low, high = self.skin.sensor.extent_m
-        return Hats(low, high, COARSE_GRID_M)
+        return Hats(low, high, SHEET_GRID_M)
+
+    @cached_property
+    def _onto_hats(self) -> tuple[Array, Array]:
+        """Points (N,2) all over the sheet, and the least-squares fit (H,N) of the coarse grid's hats to values there.
+
+        A line between the grid's nodes would not be seen at them.
+        """
+        low, high = self.skin.sensor.extent_m
+        position = Hats(low, high, SHEET_SAMPLE_M).node_m
+        values = self.sheet_hats.values(position)
+        return position, np.linalg.solve((values @ values.T).toarray(), values.toarray())
 
     @cached_property
     def sheet_derivatives(self) -> list[list[Array]]:
@@ -273,11 +293,12 @@ class LinearSkin:
         return [[rest, top] for top in in_threads(strongest, self.patches)]
 
     def sheet_change(self, patch_number: int, change: Array) -> Array:
-        """(S,P) change of the scans of a patch's states for coarse-grid changes (3,H) of conductance and anisotropy."""
-        rest, top = (np.einsum("cph,ch->p", d, change, optimize=True) for d in self.sheet_derivatives[patch_number])
+        """(S,P,...) change of the scans of a patch's states for changes (3,H,...) of conductance and anisotropy on the
+        coarse grid."""
+        rest, top = (np.tensordot(d, change, ([0, 2], [0, 1])) for d in self.sheet_derivatives[patch_number])
         signal = np.array([np.abs(s.relative - 1).sum() for s in self.patches[patch_number].states])
         share = signal / signal.max() if signal.max() > 0 else np.zeros(len(signal))
-        return np.asarray(rest + share[:, None] * (top - rest))
+        return np.asarray(rest + np.multiply.outer(share, top - rest))
 
     # evaluating ----------------------------------------------------------------------------------------------------
 
@@ -379,8 +400,10 @@ class LinearSkin:
         return SheetState.of(skin, position_m).beyond(SheetState.of(self.skin, position_m))
 
     def _coarse_change(self, skin: Skin) -> Array | None:
-        change = self._sheet_change(skin, self.sheet_hats.node_m)
-        return np.vstack([np.expm1(change.log_size), change.stretch.T]) if change.differs else None
+        """(3,H) change of conductance and anisotropy on the coarse grid, None where there is none."""
+        position, onto = self._onto_hats
+        change = self._sheet_change(skin, position)
+        return _stacked(change) @ onto.T if change.differs else None
 
     def _local_field(self, skin: Skin, patch: Patch) -> Array:
         return np.asarray(np.exp(self._sheet_change(skin, patch.grid_m).log_size))
@@ -429,6 +452,71 @@ class LinearSkin:
         regime = (skin.pressure, placement, force_n)
         if not (self._regime[0] is regime[0] and self._regime[1] == placement and self._regime[2] is force_n):
             self._regime, self._pressures, self._latest_relative = regime, {}, {}
+
+    # derivatives by fields over the sheet ----------------------------------------------------------------------------
+
+    def field_columns(self, skin: Skin, raised: Skin, by: float, fields: Fields) -> Iterator[tuple[Indices, Array]]:
+        """Rows (m,) of the scans, patch by patch, and the change (m,P,K) of those by each of K ``fields``.
+
+        ``raised`` is the skin where the field at hand is more by ``by`` everywhere. What a place does hangs on the
+        field at that place alone, so its derivative everywhere is found at once; only what presses have left behind
+        elsewhere is taken not to know the field.
+        """
+        broad = self._broad_columns(skin, raised, by, fields)
+        skew = motions(skin.effects)
+        if not skew or self.protocol.injection_offset_s is None:
+            for number, patch in enumerate(self.patches):
+                local = self._raised_by(number, skin, raised, self.force_n) / by
+                yield patch.rows, self._columns_of(number, skin, local, fields, broad)
+            return
+        moments, mixing = self.skew_mixing
+        forces = self._moved_forces(skin, skew[0], self.force_n, moments)
+        about = self._moments if self._moments else [self] * len(forces)
+        for number, patch in enumerate(self.patches):
+            parts = []
+            for linear, force, mix in zip(about, forces, mixing, strict=True):
+                local = linear._raised_by(number, skin, raised, force) / by
+                columns = linear._columns_of(number, skin, local, fields, broad)
+                parts.append(np.tensordot(columns, mix.astype(np.float32), ([1], [1])))
+            yield patch.rows, np.sum(parts, axis=0).transpose(0, 2, 1)
+
+    def _raised_by(self, number: int, skin: Skin, raised: Skin, force_n: Array) -> Array:
+        """(m,G) change of the relative conductance on a patch's grid from one skin to the other."""
+        patch = self.patches[number]
+        about = np.reshape([state.relative for state in patch.states], (len(patch.states), -1))[patch.state_of]
+        change = []
+        for there in (skin, raised):
+            self._settle_regime(there, force_n)
+            relative = self._relative(there, force_n, patch)
+            change.append((relative - about) * self._local_field(there, patch))
+        return np.asarray(change[1] - change[0])
+
+    def _columns_of(self, number: int, skin: Skin, local: Array, fields: Fields, broad: Array | None) -> Array:
+        """(m,P,K) ``field_columns`` of a patch, every scan taken in an instant, from the derivative (m,G) of its
+        conductance by an even field, and those (3,H,K) on the coarse grid."""
+        patch = self.patches[number]
+        values = fields(patch.grid_m).astype(np.float32)
+        shape = self.protocol.orthonormal.shape[1], values.shape[1]
+        result = np.zeros((len(patch.rows), *shape), dtype=np.float32)
+        wide = None if broad is None else self.sheet_change(number, broad)
+        for k, state in enumerate(patch.states):
+            mine = np.flatnonzero(patch.state_of == k)
+            if local[mine].any():
+                by_place = local[mine, None, :].astype(np.float32) * (state.local @ patch.directions.T)
+                result[mine] = (by_place.reshape(-1, len(values)) @ values).reshape(-1, *shape)
+            if wide is not None:
+                result[mine] += wide[k]
+        factor = skin.piezo.zero_ohm_sq / self.skin.piezo.zero_ohm_sq * self._drift(skin)[patch.rows]
+        return np.asarray(factor[:, None, None].astype(np.float32) * result)
+
+    def _broad_columns(self, skin: Skin, raised: Skin, by: float, fields: Fields) -> Array | None:
+        """(3,H,K) what each of K fields changes of conductance and anisotropy on the coarse grid; None for nothing."""
+        position, onto = self._onto_hats
+        before, after = (_stacked(self._sheet_change(there, position)) for there in (skin, raised))
+        if not (after - before).any():
+            return None
+        values = fields(position)
+        return np.stack([onto @ (part[:, None] * values) for part in (after - before) / by])
 
     def contact_ohm(self, skin: Skin) -> Array:
         """(n,L) contact resistances in ohm under the forces of the wanted frames."""

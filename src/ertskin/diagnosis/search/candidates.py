@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ertskin.diagnosis.fit.joint_fit import Solved, Term, VoltageProblem
 from ertskin.diagnosis.search.first_order_gain import added_gain
-from ertskin.diagnosis.search.smooth_fields import best_field
+from ertskin.diagnosis.search.smooth_fields import NodeQuadratic, at_nodes, foretelling
 from ertskin.physics.effects.effect import AcquisitionEffect, Effect, ElectrodeEffect, Parameter, Start, shown_by
 from ertskin.physics.effects.hypothesis import Measured, Signal
 from ertskin.physics.effects.registry import effects_shown_by, measured_as
@@ -19,8 +19,6 @@ Array = NDArray[np.float64]
 
 LEAST_LEFTOVER = 0.05
 """Least part of an instrument's pattern expected to lie outside what a network could give."""
-SCREENED_LENGTHS = (0.4,)
-"""Correlation lengths of the smooth fields screened, over the sheet's longer side."""
 SHARES = 0.05, 20.0
 """Least and most of a whole effect that a screening may ask for."""
 FARTHEST_M = 5e-3
@@ -78,6 +76,7 @@ def _trials(problem: VoltageProblem, present: set[str]) -> list[tuple[Probes, Ca
         _trial(start)
         for kind in kinds
         if not shown_by(kind, Signal.NONRECIPROCAL) and not (issubclass(kind, ElectrodeEffect) and kind.displaces())
+        if not kind.hypothesis.field
         for start in kind.reading_starts(problem.evidence.sensor, problem.evidence.protocol)
     ]
 
@@ -105,15 +104,44 @@ def _inside(value: float, known: Parameter) -> float:
 
 
 def _fields(problem: VoltageProblem, solved: Solved, partitions: Sequence[Sequence[int]]) -> list[Candidate]:
-    """Properties that vary smoothly over the sheet, without the wild guesses of a spot where nothing has pressed."""
+    """Properties that vary over the sheet: as a smooth field, and in every form of few numbers the best."""
     present = {t.name for t in solved.terms}
+    extent_m = problem.evidence.sensor.extent_m
     found = []
     for kind in effects_shown_by(Signal.READINGS):
         if kind.hypothesis.field and kind.name not in present:
-            gain, nodes = best_field(problem, solved, (*solved.effects,), kind(), partitions, SCREENED_LENGTHS)
-            if nodes is not None:
-                found.append(Candidate(Term(kind().changed({"nodes": nodes}), ("gradient_x", "gradient_y")), gain))
+            effects = (*solved.effects, kind())
+            quadratic = NodeQuadratic.of(problem, solved, effects, len(effects) - 1)
+            process = foretelling(quadratic, extent_m, partitions)
+            if process.gain > 0 and np.isfinite(process.sizes).all():
+                found.append(Candidate(process.of(Term(kind(), ()), extent_m), process.gain))
+            found += _forms(problem, quadratic, kind, partitions)
     return found
+
+
+def _forms(
+    problem: VoltageProblem, quadratic: NodeQuadratic, kind: type[Effect], partitions: Sequence[Sequence[int]]
+) -> list[Candidate]:
+    """Of the starts that free the same numbers of a field the likeliest, by what they are at the field's nodes."""
+    sensor, protocol = problem.evidence.sensor, problem.evidence.protocol
+    starts = kind.reading_starts(sensor, protocol)
+    gradient, hessian = quadratic.reduced()
+    found = []
+    for free in dict.fromkeys(start.free for start in starts):
+        alike = [start for start in starts if start.free == free]
+        shapes = [at_nodes(start, sensor.extent_m) for start in alike]
+        gains = [_gain_along(shape, gradient, hessian) for shape in shapes]
+        best = int(np.argmax(gains))
+        gain, value = quadratic.along(shapes[best], 0.0, partitions)
+        if np.isfinite(gain) and np.isfinite(value).all():
+            found.append(Candidate(_trial(alike[best])[1](value), gain))
+    return found
+
+
+def _gain_along(shape: Array, gradient: Array, hessian: Array) -> float:
+    """Half chi-square that fields (M,c) gain where they are fitted."""
+    pull, curved = shape.T @ gradient, shape.T @ hessian @ shape
+    return 0.5 * float(pull @ np.linalg.lstsq(curved, pull, rcond=1e-10)[0])
 
 
 def _electrodes(problem: VoltageProblem, solved: Solved, partitions: Sequence[Sequence[int]]) -> list[Candidate]:

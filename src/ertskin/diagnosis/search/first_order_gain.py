@@ -20,28 +20,29 @@ def added_gain(
     specimen: Array,
     specimen_columns: Array,
     partitions: Sequence[Sequence[int]],
-    precision: Array | None = None,
 ) -> tuple[float, Array]:
-    """First-order held-out gain in half chi-square of adding columns (T,P,c) to the fit, and their coefficients.
-
-    ``precision`` (c,) of the coefficients about nought, beforehand.
-    """
+    """First-order held-out gain in half chi-square of adding columns (T,P,c) to the fit, and their coefficients."""
     gradient, hessian = _with_columns(problem, solved, columns, base, specimen, specimen_columns)
-    added, cells = columns.shape[-1], len(gradient)
-    count = len(solved.fit.value)
-    prior = np.zeros(count + added)
-    prior[:count] = solved.fit.prior.diagonal()
-    if precision is not None:
-        prior[count:] = precision
-    value = np.concatenate([solved.fit.value, np.zeros(added)])
-    gain = 0.0
+    prior = np.concatenate([solved.fit.prior.diagonal(), np.zeros(columns.shape[-1])])
+    return held_out_gain(gradient, hessian, prior, solved.fit.value, partitions)
+
+
+def held_out_gain(
+    gradient: Array, hessian: Array, prior: Array, value: Array, partitions: Sequence[Sequence[int]]
+) -> tuple[float, Array]:
+    """Held-out gain of the numbers added behind those of a fit with these values (n,), and the numbers themselves.
+
+    From gradient (F,n+c) and Hessian (F,n+c,n+c) by cell and the ``prior``'s precisions (n+c,).
+    """
+    cells, count = len(gradient), len(value)
+    pull = prior * np.concatenate([value, np.zeros(len(prior) - count)])
+    gain, full = 0.0, np.zeros(len(prior))
     for out in [*partitions, []]:
         inside = ~np.isin(np.arange(cells), out)
-        full = _newton(gradient[inside].sum(axis=0) - prior * value, hessian[inside].sum(axis=0) + np.diag(prior))
-        small = _newton(
-            gradient[inside, :count].sum(axis=0) - (prior * value)[:count],
-            hessian[inside, :count, :count].sum(axis=0) + np.diag(prior[:count]),
-        )
+        wanted = gradient[inside].sum(axis=0) - pull
+        curved = hessian[inside].sum(axis=0) + np.diag(prior)
+        full = _newton(wanted, curved)
+        small = _newton(wanted[:count], curved[:count, :count])
         for cell in out:
             gain += gradient[cell] @ full - 0.5 * full @ hessian[cell] @ full
             gain -= gradient[cell, :count] @ small - 0.5 * small @ hessian[cell, :count, :count] @ small

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from ertskin.diagnosis.fit.joint_fit import Term
 
 
 def form_of(term: Term) -> tuple[object, ...]:
     """What tells one form of an effect from another: what is free, what it remembers, whether it is a smooth field."""
     flags = (getattr(term.effect, flag, False) for flag in ("remembers_air", "multiplies"))
-    return term.free, *flags, bool(getattr(term.effect, "nodes", ()))
+    return term.free, *flags, term.modes is not None
 
 
 def freer(term: Term) -> list[Term]:
     """The term with more of its form free, or in its other form; none where there is no more to free."""
-    return [Term(start.effect, start.free) for start in term.effect.freer(term.free)]
+    return [replace(term, effect=start.effect, free=start.free) for start in term.effect.freer(term.free)]

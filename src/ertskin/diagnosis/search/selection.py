@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,11 +10,12 @@ from numpy.typing import NDArray
 
 from ertskin.diagnosis.contract.claims import Rival, Tried
 from ertskin.diagnosis.fit.full_solution_check import WORSE, Standing, exact, settled, standing
-from ertskin.diagnosis.fit.joint_fit import Solved, Term, VoltageProblem, held_out
+from ertskin.diagnosis.fit.joint_fit import Solved, Term, VoltageProblem
 from ertskin.diagnosis.linear.calibration_vector import WIDEST_RATIO, Calibration
 from ertskin.diagnosis.search.candidates import Candidate, screen
 from ertskin.diagnosis.search.forms import form_of, freer
-from ertskin.diagnosis.search.smooth_fields import with_smooth_fields
+from ertskin.diagnosis.search.gain import freedom, gained
+from ertskin.diagnosis.search.smooth_fields import with_smooth_field, with_smooth_fields
 from ertskin.diagnosis.specimen.agreement import remembers_alike
 from ertskin.physics.conduction.mesh import MeshError
 from ertskin.physics.effects.effect import ElectrodeEffect, PiezoEffect, shown_by
@@ -26,6 +27,8 @@ SIGNIFICANT = 15.0
 """Held-out gain in half chi-square that a term must reach: far above what the best of 200 null candidates gains."""
 MATERIAL = 1.03
 """A term must bring the residual's rms down by this factor of what noise alone leaves, or it isn't worth a name."""
+KNOWN = 1.05
+"""Factor within which a term of a name that is in the fit already gains as much as one of another name."""
 TRIED = 3
 WORTH_TRYING = 0.15
 """Least part of the best candidate's expected gain that makes another worth a fit."""
@@ -35,9 +38,9 @@ RUN_AWAY = 0.4
 """Part of the widest ratio of moduli from which on a fit is taken to have run away."""
 ALIKE = 0.5
 """Part of the best form's gain from which another form of the same effect is settled too."""
-INDISPENSABLE = 2.0
-"""Factor on the misfit from which on what a term's absence costs isn't owed to too free a form."""
 MOST_TERMS = 5
+FORMS = 2
+"""How many forms of one effect are settled."""
 REFINED = 4
 STILL = 0.97
 """Part of the misfit down to which freeing forms once more isn't worth it."""
@@ -113,13 +116,12 @@ def select(
     stand: dict[str, Rivals] = {_key(term): rivals for term, rivals in begun}
     for turn in range(MOST_TERMS):
         problem, current = here.problem, here.problem.at_hand(here.solved)
-        score = float(held_out(current, partitions).sum())
         least = max(SIGNIFICANT, material_cost(_residual_count(problem), _of_scans(current)))
         report(0.2 + 0.1 * turn, f"looking for what is missing (residual {_rms(current):.3f} of the noise)")
         found = screen(problem, current, partitions)
         trials: list[Trial] = []
         for listed in _worth_trying(found, least):
-            trials = sorted([*trials, *_try(problem, current, _different(listed), partitions, score)], key=_by_gain)
+            trials = _in_order([*trials, *_try(problem, current, _different(listed), partitions)], current)
             if trials and trials[0].gain >= least:
                 break
         entered = _first_to_hold(build, here, [t for t in trials if t.gain >= least])
@@ -127,7 +129,7 @@ def select(
         if entered is None:
             break
         trial, here = entered
-        others = [t for t in trials if t.term.name != trial.term.name and t.gain <= trial.gain]
+        others = [t for t in trials if t.term.name != trial.term.name and t.gain <= KNOWN * trial.gain]
         stand[_key(trial.term)] = tuple(Rival(t.term.effect, trial.gain - t.gain) for t in others)
         here = _refined(build, _reconsidered(build, here), partitions)
         report(0.25 + 0.1 * turn, f"{trial.term.name} enters")
@@ -231,14 +233,20 @@ def _first_to_hold(build: Problem, here: Standing, trials: Sequence[Trial]) -> t
     left = list(trials)
     while left:
         first = left[0]
-        forms = [t for t in left if t.term.name == first.term.name and t.gain > ALIKE * first.gain]
-        left = [t for t in left if t not in forms]
+        alike = [t for t in left if t.term.name == first.term.name and t.gain > ALIKE * first.gain]
+        left = [t for t in left if t not in alike]
+        forms = alike if len(alike) <= FORMS else sorted(alike, key=lambda t: _unlikely(t.solved))[:FORMS]
         places = [(form, _where_it_settles(build, None, form.solved)) for form in forms]
         held = [(form, there) for form, there in places if there is not None and not there.spoils(here)]
         if held:
             form, there = min(held, key=lambda pair: pair[1].misfit)
             return replace(form, gain=first.gain), there
     return None
+
+
+def _unlikely(solved: Solved) -> float:
+    """Half chi-square of the frames fitted and what the freedom of smooth fields costs."""
+    return _of_frames(solved) + freedom(solved)
 
 
 def _where_it_settles(build: Problem, problem: VoltageProblem | None, solved: Solved) -> Standing | None:
@@ -267,8 +275,10 @@ def _worth_trying(found: Sequence[Candidate], least: float) -> list[list[Candida
     return listed
 
 
-def _by_gain(trial: Trial) -> float:
-    return -trial.gain
+def _in_order(trials: Sequence[Trial], current: Solved) -> list[Trial]:
+    """By what they gain; where two gain alike, the one whose name is in the fit already is the likelier."""
+    present = {term.name for term in current.terms}
+    return sorted(trials, key=lambda t: -t.gain * (KNOWN if t.term.name in present else 1.0))
 
 
 def material_cost(numbers: int, cost: float) -> float:
@@ -310,7 +320,7 @@ def _different(listed: Sequence[Candidate]) -> list[Candidate]:
         forms = {form_of(k.term) for k in same}
         if len({k.name for k in kept} | {candidate.name}) > TRIED:
             continue
-        smooth = bool(getattr(candidate.term.effect, "nodes", ()))
+        smooth = candidate.term.modes is not None
         if not same or (form_of(candidate.term) not in forms and (smooth or len(same) < 2)):
             kept.append(candidate)
     return kept
@@ -321,39 +331,42 @@ def _try(
     current: Solved,
     candidates: Sequence[Candidate],
     partitions: Sequence[Sequence[int]],
-    score: float,
 ) -> list[Trial]:
     """Each candidate fitted for good."""
     results = []
     instrument = any(shown_by(c.term.effect, Signal.NONRECIPROCAL) for c in candidates)
-    reference, plain = score, current
-    if instrument:
-        plain = problem.solve(current.terms, current.calibration, steps=1, leftover=True)
-        reference = float(held_out(plain, partitions).sum())
+    plain = problem.solve(current.terms, current.calibration, steps=1, leftover=True) if instrument else current
 
-    def trial(candidate: Candidate, solved: Solved) -> Trial:
-        # Where the fit at hand predicts badly, another term may seem to gain what it doesn't even fit.
-        gain = min(reference - float(held_out(solved, partitions).sum()), _of_frames(plain) - _of_frames(solved))
-        if getattr(candidate.term.effect, "nodes", ()):
-            # Its nodes were fitted to every cell: what it gained where they were not is what counts.
-            gain = min(gain, candidate.gain)
-        return Trial(solved.terms[-1], gain, solved)
+    def trial(solved: Solved) -> Trial:
+        return Trial(solved.terms[-1], gained(plain, solved, partitions), solved)
 
     problem.reuse = True
     for candidate in candidates:
         solved = _beside(problem, plain, candidate.term, instrument)
         if candidate.term.effect.hypothesis.must_show_at_rest and not _shown_at_rest(problem, current, solved):
             continue
-        results.append((candidate, trial(candidate, solved)))
+        results.append(trial(solved))
     problem.reuse = False
+    results += [trial(both) for both in _with_remainders(problem, results, partitions)]
     if results:
         # Cells are predicted by a step from the fit: one that isn't at its best yet may predict badly, and fit best.
-        k = min(range(len(results)), key=lambda k: _of_frames(results[k][1].solved))
-        candidate, found = results[k]
-        if found.gain < _of_frames(plain) - _of_frames(found.solved) and found.gain < max(t.gain for _, t in results):
-            further = problem.solve(found.solved.terms, found.solved.calibration, leftover=instrument)
-            results[k] = candidate, trial(candidate, further)
-    return [found for _, found in results]
+        k = min(range(len(results)), key=lambda k: _of_frames(results[k].solved))
+        found = results[k]
+        if found.gain < _of_frames(plain) - _of_frames(found.solved) and found.gain < max(t.gain for t in results):
+            results[k] = trial(problem.solve(found.solved.terms, found.solved.calibration, leftover=instrument))
+    return results
+
+
+def _with_remainders(
+    problem: VoltageProblem, trials: Sequence[Trial], partitions: Sequence[Sequence[int]]
+) -> Iterator[Solved]:
+    """The best form of few numbers of each property that varies, and a smooth field for what it leaves."""
+    forms = [t for t in trials if t.term.effect.hypothesis.field and t.term.modes is None and t.gain > 0]
+    for name in dict.fromkeys(t.term.name for t in forms):
+        best = min((t.solved for t in forms if t.term.name == name), key=_of_frames)
+        both = with_smooth_field(problem, best, len(best.terms) - 1, partitions)
+        if both is not None:
+            yield both
 
 
 def _beside(problem: VoltageProblem, current: Solved, term: Term, leftover: bool) -> Solved:
@@ -398,7 +411,7 @@ def _freed(here: Standing, partitions: Sequence[Sequence[int]]) -> Solved:
         for form in freer(term):
             terms = [*current.terms[:number], form, *current.terms[number + 1 :]]
             freed = problem.solve(terms, current.calibration)
-            gain = float(held_out(current, partitions).sum()) - float(held_out(freed, partitions).sum())
+            gain = gained(current, freed, partitions)
             # No name hangs on a form, and so few numbers can't lower the misfit that much by chance.
             if gain > SIGNIFICANT or _of_frames(freed) < STILL**2 * _of_frames(current):
                 current = freed
@@ -418,15 +431,11 @@ def _backward(
         instrument = any(shown_by(t.effect, Signal.NONRECIPROCAL) for t in current.terms)
         if instrument:
             current = problem.solve(current.terms, current.calibration, steps=2, leftover=True)
-        score = float(held_out(current, partitions).sum())
         chosen, dropped = [], None
         for k in range(fixed, len(current.terms)):
             rest = [t for i, t in enumerate(current.terms) if i != k]
             without = problem.solve(rest, current.calibration, steps=5, leftover=instrument)
-            loss = float(held_out(without, partitions).sum()) - score
-            if _of_frames(without) > INDISPENSABLE * _of_frames(current):
-                # However badly the cells predict one another with it.
-                loss = max(loss, _of_frames(without) - _of_frames(current))
+            loss = gained(without, current, partitions)
             least = max(SIGNIFICANT, material_cost(frames, _of_scans(current)))
             if loss < least and (dropped is None or loss < dropped[0]):
                 dropped = (loss, without)

@@ -1,120 +1,318 @@
-"""A property that varies smoothly over the sheet: a Gaussian process in a spot's stead, where it predicts better."""
+"""A property that varies over the sheet, as one hypothesis: a Gaussian process whose lengths the data choose.
+
+The fit's quadratic is taken once by the values of a field on a grid of nodes; every covariance is then a matter of
+small matrices. Lengths run from the grid's spacing to twice the sheet, along and across lines in all directions too.
+The covariance is the one that predicts cells held out best: evidence would have lengths that follow every press, where
+the fit is far from linear. Its spread is then that of the largest evidence about the fit with the field in it (MacKay,
+Neural Computation 4 (1992) 415). Of the process those modes enter the joint fit that the data tell of (Spantini and
+others, SIAM J. Sci. Comput. 37 (2015) A2451): where nothing has pressed the field stays as it is expected beforehand.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache, partial
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ertskin.diagnosis.fit.joint_fit import Solved, Term, VoltageProblem
-from ertskin.diagnosis.search.first_order_gain import added_gain
-from ertskin.physics.effects.effect import Effect
-from ertskin.physics.effects.smooth_field import Nodes, node_position_m
+from ertskin.diagnosis.fit.joint_fit import Modes, Solved, Term, VoltageProblem
+from ertskin.diagnosis.search.first_order_gain import held_out_gain
+from ertskin.diagnosis.search.gain import freedom
+from ertskin.physics.effects.effect import Effect, Start
+from ertskin.physics.effects.field_over_sheet import FieldOverSheet
+from ertskin.physics.effects.smooth_field import field_design, node_position_m
 
 Array = NDArray[np.float64]
 
-SHAPE = (7, 7)
-LENGTHS = (0.22, 0.4)
+NODE_M = 8e-3
+MOST_NODES = 300
+"""The nodes lie ``NODE_M`` apart, further where there would be more than that."""
+LENGTHS = 2.0, 1.0, 0.5, 0.25, 0.13, 0.07
 """Correlation lengths tried, over the sheet's longer side."""
-SPREADS = (0.03, 0.1, 0.3, 1.0)
+ACROSS, ALONG, ANGLES = (0.25, 0.13, 0.07), 3.0, 12
+"""The same across and along lines, and the directions in which they are tried."""
+LINES = 4
+"""How many of those along lines are tried on cells held out."""
+SPREADS = (0.01, 0.03, 0.1, 0.3)
 """Standard deviations of the field tried."""
-LEAST = 3e-3
-"""Modes are left out from this part of the first one's variance on."""
+LEAST_VARIANCE = 1e-3
+"""Part of the largest mode's variance from which on down modes of a covariance are left out."""
+TOLD = 0.02
+"""Information on a mode, over that beforehand, from which on it enters the fit."""
+MOST_MODES = 100
+SAMPLES = 3
+"""Points for every node, along each side, at which a field's form is read."""
 PASSES = 2
-PROBE = 0.02
-"""Size of a mode at which its derivative is taken."""
 SIGNIFICANT = 15.0
-SHARES = 1.0, 0.3, 0.1
-"""Of a step to first order, of which the first that lowers the misfit is taken."""
+STEPS = 5
+
+
+def node_shape(extent_m: Array) -> tuple[int, int]:
+    """Rows and columns of the nodes over a sheet's box (2,2)."""
+    size = extent_m[1] - extent_m[0]
+    apart = max(NODE_M, float(np.sqrt(size.prod() / MOST_NODES)))
+    columns, rows = (max(3, round(float(side) / apart) + 1) for side in size)
+    return rows, columns
 
 
 @dataclass(frozen=True, eq=False)
-class Modes:
-    """``values`` (K, nodes): fields whose random sums, each of unit variance, are the process of unit variance."""
+class NodeQuadratic:
+    """A fit's quadratic with the values of a field at M nodes behind its other numbers: gradient (F,n+M) and Hessian
+    (F,n+M,n+M) by cell; ``prior`` (n,) and ``value`` (n,) of the other numbers. The field counts from nought."""
 
-    values: Array
+    gradient: Array
+    hessian: Array
+    prior: Array
+    value: Array
 
     @classmethod
-    def of(cls, extent_m: Array, length: float) -> Modes:
-        """Squared-exponential covariance between the nodes, its eigenvectors scaled by their standard deviations."""
-        node = node_position_m(SHAPE, extent_m)
-        apart = ((node[:, None] - node) ** 2).sum(axis=-1) / (length * float(np.ptp(extent_m, axis=0).max())) ** 2
-        variance, vector = np.linalg.eigh(np.exp(-0.5 * apart))
-        kept = variance > LEAST * variance.max()
-        return cls((vector[:, kept] * np.sqrt(variance[kept])).T[::-1])
+    def of(cls, problem: VoltageProblem, current: Solved, effects: Sequence[Effect], number: int) -> NodeQuadratic:
+        """About a fit, by the field of the effect ``number`` of ``effects``; the fit's own modes of it are left out."""
+        extent_m = problem.evidence.sensor.extent_m
+        shape = node_shape(extent_m)
+        others = _others(current, number)
+        count, nodes = int(others.sum()), shape[0] * shape[1]
+        quadratic = current.fit.quadratic
+        gradient = np.zeros((len(quadratic.cost), count + nodes))
+        hessian = np.zeros((len(quadratic.cost), count + nodes, count + nodes))
+        gradient[:, :count] = quadratic.gradient[:, others]
+        hessian[:, :count, :count] = quadratic.hessian[:, others][:, :, others]
+        known = problem.last_columns[0][..., others]
+        skin = problem.family.skin(current.calibration, tuple(effects))
+        for rows, columns in problem.field_columns(skin, number, partial(field_design, shape, extent_m=extent_m)):
+            for cell in np.unique(problem.cells[rows]):
+                mine = problem.cells[rows] == cell
+                new = columns[mine].reshape(-1, nodes).astype(float)
+                old = known[rows[mine]].reshape(-1, count).astype(float)
+                gradient[cell, count:] += new.T @ current.scan_residual[rows[mine]].ravel()
+                hessian[cell, count:, count:] += new.T @ new
+                hessian[cell, :count, count:] += old.T @ new
+        hessian[:, count:, :count] = hessian[:, :count, count:].transpose(0, 2, 1)
+        if field := getattr(effects[number], "nodes", ()):
+            gradient += hessian[:, :, count:] @ np.ravel(field)
+        prior, value = current.fit.prior.diagonal()[others], current.fit.value[others]
+        return cls(gradient, hessian, prior, value)
+
+    def along(self, directions: Array, precision: float, partitions: Sequence[Sequence[int]]) -> tuple[float, Array]:
+        """Held-out gain of fields (M,K) beside the other numbers, and how much of each (K,)."""
+        count = len(self.value)
+        onto = np.zeros((self.gradient.shape[1], count + directions.shape[1]))
+        onto[:count, :count] = np.eye(count)
+        onto[count:, count:] = directions
+        prior = np.concatenate([self.prior, np.full(directions.shape[1], precision)])
+        return held_out_gain(self.gradient @ onto, onto.T @ self.hessian @ onto, prior, self.value, partitions)
+
+    def reduced(self) -> tuple[Array, Array]:
+        """Gradient (M,) and Hessian (M,M) of the field alone, the other numbers at their best for each."""
+        count = len(self.value)
+        gradient, hessian = self.gradient.sum(axis=0), self.hessian.sum(axis=0)
+        others, by_field = self._others(gradient, hessian)
+        cross = hessian[count:, :count]
+        return gradient[count:] - cross @ others, hessian[count:, count:] + cross @ by_field
+
+    def _others(self, gradient: Array, hessian: Array) -> tuple[Array, Array]:
+        """The other numbers' best step (n,) without a field, and what it is more by the field (n,M)."""
+        count = len(self.value)
+        own = hessian[:count, :count] + np.diag(self.prior)
+        scale = np.sqrt(np.maximum(np.diag(own), 1e-300))
+        inverse = np.linalg.pinv(own / scale[:, None] / scale, rcond=1e-10, hermitian=True) / scale[:, None] / scale
+        return inverse @ (gradient[:count] - self.prior * self.value), -inverse @ hessian[:count, count:]
+
+    def fold(self, out: Sequence[int]) -> Fold:
+        """What cells held ``out`` would say of a field that the others tell."""
+        count = len(self.value)
+        inside = ~np.isin(np.arange(len(self.gradient)), out)
+        gradient, hessian = self.gradient[inside].sum(axis=0), self.hessian[inside].sum(axis=0)
+        others, by_field = self._others(gradient, hessian)
+        cross = hessian[count:, :count]
+        there, curved = self.gradient[~inside].sum(axis=0), self.hessian[~inside].sum(axis=0)
+        through = np.vstack([by_field, np.eye(len(by_field.T))])
+        left = there - curved[:, :count] @ others
+        return Fold(
+            gradient[count:] - cross @ others,
+            hessian[count:, count:] + cross @ by_field,
+            through.T @ left,
+            through.T @ curved @ through,
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Fold:
+    """Of a field (M,): gradient and Hessian by the cells inside, and by those held out, the other numbers following."""
+
+    gradient: Array
+    hessian: Array
+    out_gradient: Array
+    out_hessian: Array
+
+    def gain(self, modes: Array) -> float:
+        """Half chi-square that the field in ``modes`` (M,K) gains in the cells held out, each of unit variance."""
+        matrix = np.eye(modes.shape[1]) + modes.T @ self.hessian @ modes
+        field = modes @ np.linalg.solve(matrix, modes.T @ self.gradient)
+        return float(field @ self.out_gradient - 0.5 * field @ self.out_hessian @ field)
+
+
+def _others(current: Solved, number: int) -> NDArray[np.bool_]:
+    """Which numbers of a fit aren't sizes of modes of the term ``number``."""
+    others = np.ones(len(current.fit.value), dtype=bool)
+    if number < len(current.terms):
+        term = current.terms[number]
+        first = len(others) - sum(t.count for t in current.terms[number:])
+        others[first + len(term.free) : first + term.count] = False
+    return others
+
+
+@lru_cache(maxsize=4)
+def _covariances(shape: tuple[int, int], box: tuple[float, ...]) -> list[Array]:
+    """Halves (M,J) of the covariances tried, of unit variance: squared exponentials, even and along lines."""
+    extent_m = np.reshape(box, (2, 2))
+    side = float(np.ptp(extent_m, axis=0).max())
+    return [_half(shape, extent_m, side * np.array(lengths), angle) for lengths, angle in _kinds()]
+
+
+def _kinds() -> Iterator[tuple[tuple[float, float], float]]:
+    yield from (((length, length), 0.0) for length in LENGTHS)
+    yield from (((across, ALONG), np.pi / ANGLES * k) for across in ACROSS for k in range(ANGLES))
+
+
+def _half(shape: tuple[int, int], extent_m: Array, length_m: Array, angle: float) -> Array:
+    node = node_position_m(shape, extent_m)
+    turned = node @ np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]) / length_m
+    apart = ((turned[:, None] - turned) ** 2).sum(axis=-1)
+    variance, vector = np.linalg.eigh(np.exp(-0.5 * apart))
+    kept = variance > LEAST_VARIANCE * variance.max()
+    return np.asarray(vector[:, kept] * np.sqrt(variance[kept]))
+
+
+@dataclass(frozen=True, eq=False)
+class Process:
+    """A Gaussian process by the number of its covariance, its standard deviation and its modes (M,K) that the data tell
+    of, with their most likely ``sizes`` (K,); ``gain`` in half chi-square."""
+
+    covariance: int
+    spread: float
+    modes: Array
+    sizes: Array
+    gain: float
+
+    def of(self, term: Term, extent_m: Array) -> Term:
+        """The term with a smooth field in these modes."""
+        modes = Modes(self.modes.T.reshape(-1, *node_shape(extent_m)), self.covariance, self.spread)
+        begun = replace(term, modes=modes, sizes=tuple(map(float, self.sizes)))
+        return begun.at(begun.start)
+
+
+def foretelling(quadratic: NodeQuadratic, extent_m: Array, partitions: Sequence[Sequence[int]]) -> Process:
+    """The process that gains most in cells held out, to first order."""
+    gradient, hessian = quadratic.reduced()
+    folds = [quadratic.fold(out) for out in partitions]
+    halves = _covariances(node_shape(extent_m), tuple(map(float, extent_m.ravel())))
+    found = []
+    for number in _likely(halves, gradient, hessian):
+        for spread in SPREADS:
+            modes, sizes = _told(halves[number], spread, gradient, hessian)
+            found.append(Process(number, spread, modes, sizes, sum(fold.gain(modes) for fold in folds)))
+    return max(found, key=lambda process: process.gain)
+
+
+def likeliest(quadratic: NodeQuadratic, extent_m: Array, noise: float, covariance: int | None = None) -> Process:
+    """The process of the largest evidence, of one covariance or of any, where the residual's mean square is ``noise``
+    anyway."""
+    gradient, hessian = (part / noise for part in quadratic.reduced())
+    halves = _covariances(node_shape(extent_m), tuple(map(float, extent_m.ravel())))
+    tried = range(len(halves)) if covariance is None else [covariance]
+    evidence = np.array([_evidences(halves[number], gradient, hessian) for number in tried])
+    row, best = np.unravel_index(int(evidence.argmax()), evidence.shape)
+    told = _told(halves[tried[row]], SPREADS[best], gradient, hessian)
+    return Process(tried[row], SPREADS[best], *told, noise * float(evidence[row, best]))
+
+
+def node_covariance(modes: Modes, known: Array, extent_m: Array) -> Array:
+    """(M,M) covariance of a field's node values, of whose modes the covariance ``known`` (K,K) is what a fit leaves.
+
+    What of the process isn't in the modes is as unknown as beforehand.
+    """
+    half = _covariances(node_shape(extent_m), tuple(map(float, extent_m.ravel())))[modes.covariance]
+    flat = modes.nodes.reshape(len(modes.nodes), -1)
+    return np.asarray(modes.spread**2 * half @ half.T + flat.T @ (known - np.eye(len(known))) @ flat)
+
+
+def _evidences(half: Array, gradient: Array, hessian: Array) -> Array:
+    """(S,) logarithm of the evidence for a covariance (M,J) of each of the ``SPREADS``, over that without a field."""
+    size, vector = np.linalg.eigh(half.T @ hessian @ half)
+    along = (vector.T @ (half.T @ gradient)) ** 2
+    variance = np.square(SPREADS)[:, None]
+    information = variance * np.maximum(size, 0.0)
+    return np.asarray(0.5 * (variance * along / (1 + information) - np.log1p(information)).sum(axis=1))
+
+
+def _told(half: Array, spread: float, gradient: Array, hessian: Array) -> tuple[Array, Array]:
+    """Modes (M,K) that the data tell of and their most likely sizes (K,), of a covariance's half (M,J)."""
+    size, vector = np.linalg.eigh(half.T @ hessian @ half)
+    information = spread**2 * np.maximum(size, 0.0)
+    kept = np.flatnonzero(information > TOLD)
+    kept = kept[np.argsort(-information[kept])][:MOST_MODES]
+    modes = spread * half @ vector[:, kept]
+    return modes, modes.T @ gradient / (1 + information[kept])
+
+
+def _likely(halves: Sequence[Array], gradient: Array, hessian: Array) -> list[int]:
+    """Which covariances to try: all even ones, and of those along lines the ``LINES`` of the largest evidence."""
+    first = len(LENGTHS)
+    evidence = [float(_evidences(half, gradient, hessian).max()) for half in halves[first:]]
+    return [*range(first), *(first + int(k) for k in np.argsort(evidence)[::-1][:LINES])]
+
+
+def at_nodes(start: Start, extent_m: Array) -> Array:
+    """(M,c) fields at the nodes, by the parameters that a start goes along: what it is everywhere, spread over them."""
+    shape = node_shape(extent_m)
+    position_m, onto = _onto_nodes(shape, tuple(map(float, extent_m.ravel())))
+    known = start.effect.parameters()
+    columns = []
+    for key in start.along:
+        effect = cast(FieldOverSheet, start.effect.changed({key: known[key].typical}))
+        columns.append(onto @ effect.logarithm(position_m, extent_m) / known[key].typical)
+    return np.stack(columns, axis=1)
+
+
+@lru_cache(maxsize=4)
+def _onto_nodes(shape: tuple[int, int], box: tuple[float, ...]) -> tuple[Array, Array]:
+    """Points (N,2) all over the sheet, and the least-squares fit (M,N) of node values to values there."""
+    extent_m = np.reshape(box, (2, 2))
+    position_m = node_position_m((SAMPLES * shape[0], SAMPLES * shape[1]), extent_m)
+    return position_m, np.asarray(np.linalg.pinv(field_design(shape, position_m, extent_m)), dtype=float)
 
 
 def with_smooth_fields(problem: VoltageProblem, current: Solved, partitions: Sequence[Sequence[int]]) -> Solved:
-    """The fit with a smooth field in each inhomogeneity, where it predicts cells held out significantly better."""
+    """The fit with a smooth field in each property that varies, where that has more evidence."""
     for number, term in enumerate(current.terms):
-        for _ in range(PASSES if term.effect.hypothesis.field and term.free else 0):
-            freed = _freed(problem, current, number, partitions)
+        for _ in range(PASSES if term.effect.hypothesis.field else 0):
+            freed = with_smooth_field(problem, current, number, partitions)
             if freed is None:
                 break
             current = freed
     return current
 
 
-def _freed(problem: VoltageProblem, current: Solved, number: int, partitions: Sequence[Sequence[int]]) -> Solved | None:
-    """One Gauss-Newton step in the field, then the rest again; None where none gains, held out, what matters."""
-    effect = current.terms[number].effect
-    current = problem.at_hand(current)
-    others = (*current.effects[:number], *current.effects[number + 1 :])
-    gain, nodes = best_field(problem, current, others, effect, partitions, LENGTHS)
-    if nodes is None or gain < SIGNIFICANT:
+def with_smooth_field(
+    problem: VoltageProblem, current: Solved, number: int, partitions: Sequence[Sequence[int]]
+) -> Solved | None:
+    """The fit with a term's field in the modes that are told about this fit; None where that gains no evidence."""
+    current, extent_m = problem.at_hand(current), problem.evidence.sensor.extent_m
+    quadratic = NodeQuadratic.of(problem, current, current.effects, number)
+    residual = current.scan_residual[current.scan_residual.any(axis=1)]
+    noise = max(1.0, float((residual**2).mean()))
+    known = current.terms[number].modes
+    process = foretelling(quadratic, extent_m, partitions) if known is None else None
+    if process is None or not process.gain > 0:
+        # Where no press tells of another, evidence must do.
+        process = likeliest(quadratic, extent_m, noise, None if known is None else known.covariance)
+    if not process.gain > 0 or not np.isfinite(process.sizes).all():
         return None
-    known = _nodes(effect)
-    for share in SHARES:
-        terms = list(current.terms)
-        # What multiplies is far from linear: a whole step may overshoot.
-        stepped = _plain(known + share * (np.asarray(nodes) - known))
-        terms[number] = Term(effect.changed({"nodes": stepped}), terms[number].free)
-        freed = problem.solve(terms, current.calibration, steps=5)
-        if freed.cost <= current.cost:
-            return freed
-    return None
-
-
-def best_field(
-    problem: VoltageProblem,
-    current: Solved,
-    others: tuple[Effect, ...],
-    effect: Effect,
-    partitions: Sequence[Sequence[int]],
-    lengths: Sequence[float],
-) -> tuple[float, Nodes | None]:
-    """Held-out gain, to first order, of the field that predicts best, and its nodes (None: none gains anything).
-
-    ``effect`` as it is in the fit at hand, or neutral; ``others`` the fit's other effects.
-    """
-    known = _nodes(effect)
-    best, field = 0.0, None
-    here = problem.family.skin(current.calibration, (*others, effect))
-    base = problem.scan_residual(here)
-    specimen = np.zeros(0) if problem.specimen is None else problem.specimen.residual(here)
-    for length in lengths:
-        modes = Modes.of(problem.evidence.sensor.extent_m, length)
-        columns = np.empty((*base.shape, len(modes.values)))
-        for k, mode in enumerate(modes.values):
-            probe = effect.changed({"nodes": _plain(known + PROBE * mode.reshape(SHAPE))})
-            moved = problem.scan_residual(problem.family.skin(current.calibration, (*others, probe)))
-            columns[..., k] = (base - moved) / PROBE
-        nowhere = np.zeros((len(specimen), len(modes.values)))
-        for spread in SPREADS:
-            precision = np.full(len(modes.values), spread**-2)
-            gain, value = added_gain(problem, current, columns, base, specimen, nowhere, partitions, precision)
-            if gain > best and np.isfinite(value).all():
-                best, field = gain, value @ modes.values
-    return best, None if field is None else _plain(known + field.reshape(SHAPE))
-
-
-def _nodes(effect: Effect) -> Array:
-    """Node values of an effect's field, noughts where it has none."""
-    nodes: Nodes = getattr(effect, "nodes", ())
-    return np.asarray(nodes) if nodes else np.zeros(SHAPE)
-
-
-def _plain(nodes: Array) -> Nodes:
-    return tuple(tuple(map(float, row)) for row in nodes)
+    terms = [*current.terms[:number], process.of(current.terms[number], extent_m), *current.terms[number + 1 :]]
+    freed = problem.solve(terms, current.calibration, steps=STEPS)
+    gain = current.cost + freedom(current) - freed.cost - freedom(freed)
+    return freed if gain > SIGNIFICANT else None

@@ -153,10 +153,11 @@ def test_the_candidate_that_fits_best_is_fitted_to_its_end_where_it_predicts_wor
     begun = {loop.name: fit(loop, 3.0, first), spot.name: fit(spot, 70.0, 20.0)}
     problem: Any = SimpleNamespace(reuse=False, solve=lambda terms, start, leftover: fit(terms[0], 3.0, 95.0))
     monkeypatch.setattr(selection, "_beside", lambda problem, current, term, leftover: begun[term.name])
-    monkeypatch.setattr(selection, "held_out", lambda solved, partitions: np.array([100.0 - solved.gain]))
+    monkeypatch.setattr(selection, "gained", lambda without, present, partitions: present.gain)
+    monkeypatch.setattr(selection, "_with_remainders", lambda problem, trials, partitions: ())
     monkeypatch.setattr(selection, "_of_frames", lambda solved: solved.cost)
     candidates: Any = [SimpleNamespace(term=term, gain=0.0) for term in (loop, spot)]
-    found = selection._try(problem, fit(loop, 100.0, 0.0), candidates, [], 100.0)
+    found = selection._try(problem, fit(loop, 100.0, 0.0), candidates, [])
     assert [t.gain for t in found] == [further, 20.0]
 
 

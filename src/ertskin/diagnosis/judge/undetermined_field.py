@@ -1,0 +1,74 @@
+"""Fields over the sheet as far as a fit knows them: their map, and presses where they are not known yet."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import partial
+from typing import cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ertskin.diagnosis.fit.joint_fit import Modes, Solved, VoltageProblem
+from ertskin.diagnosis.search.smooth_fields import node_covariance, node_shape
+from ertskin.physics.effects.smooth_field import field_design
+from ertskin.physics.sensor import Sensor
+
+Array = NDArray[np.float64]
+
+TOLD = 0.5
+"""Part of the field's standard deviation beforehand that must be left at most where it is known."""
+
+
+def ratio_with_what_is_unknown(problem: VoltageProblem, solved: Solved, after: Array) -> float | None:
+    """Misfit over noise of residuals ``after`` (n,P), where what isn't known of fields counts as noise.
+
+    ``problem`` is that of the frames held out, linearised about the fit. What a fit leaves of a field's covariance C is
+    correlated noise J C J' of the frames, with which the quadratic form is taken. None where the fit has no field.
+    """
+    extent_m = problem.evidence.sensor.extent_m
+    design = partial(field_design, node_shape(extent_m), extent_m=extent_m)
+    skin = problem.family.skin(solved.calibration, solved.effects)
+    parts = []
+    for number, covariance in _covariances(solved, extent_m):
+        size, vector = np.linalg.eigh(covariance)
+        root = vector * np.sqrt(np.maximum(size, 0.0))
+        found = np.zeros((*problem.evidence.scan_v.shape, root.shape[1]))
+        for rows, columns in problem.field_columns(skin, number, design):
+            found[rows] = columns @ root
+        parts.append(found)
+    if not parts:
+        return None
+    columns = np.concatenate(parts, axis=-1)
+    flat, wrong = columns.reshape(-1, columns.shape[-1]), after.ravel()
+    along = flat.T @ wrong
+    explained = float(along @ np.linalg.solve(np.eye(len(along)) + flat.T @ flat, along))
+    return float(np.sqrt(max(float(wrong @ wrong) - explained, 0.0) / wrong.size))
+
+
+def errors_at(solved: Solved, extent_m: Array, point_m: Array) -> dict[str, tuple[Array, NDArray[np.bool_]]]:
+    """By name, the standard error (N,) of each smooth field's logarithm at points (N,2), and where it is told (N,)."""
+    found = {}
+    for number, covariance in _covariances(solved, extent_m):
+        design = field_design(node_shape(extent_m), point_m, extent_m)
+        error = np.sqrt(np.maximum(((design @ covariance) * design).sum(axis=1), 0.0))
+        term = solved.terms[number]
+        found[term.name] = error, error < TOLD * cast(Modes, term.modes).spread
+    return found
+
+
+def told_points(solved: Solved, sensor: Sensor) -> list[tuple[str, int, int]]:
+    """The smooth fields of a fit by name, at how many of the sensing points each is told, and how many there are."""
+    errors = errors_at(solved, sensor.extent_m, sensor.taxel_m)
+    return [(name, int(told.sum()), len(told)) for name, (_, told) in errors.items()]
+
+
+def _covariances(solved: Solved, extent_m: Array) -> Iterator[tuple[int, Array]]:
+    """Terms with a smooth field, by their number, and what the fit leaves of the covariance (M,M) of its nodes."""
+    first = len(solved.fit.value) - sum(term.count for term in solved.terms)
+    whole = solved.fit.covariance
+    for number, term in enumerate(solved.terms):
+        if term.modes is not None:
+            where = slice(first + len(term.free), first + term.count)
+            yield number, node_covariance(term.modes, whole[where, where], extent_m)
+        first += term.count

@@ -1,0 +1,73 @@
+"""Derivatives by fields over the sheet, found from even fields alone, against differences of the linearised skin."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+import pytest
+from small_skin import SMALL, small_law, small_sensor
+
+from ertskin.diagnosis.linear.linear_skin import LinearSkin
+from ertskin.physics.effects.field_over_sheet import FieldOverSheet
+from ertskin.physics.effects.piezo_hysteresis import PiezoHysteresis
+from ertskin.physics.effects.piezo_inhomogeneity import PiezoInhomogeneity
+from ertskin.physics.effects.scan_skew import ScanSkew
+from ertskin.physics.effects.sheet_inhomogeneity import SheetInhomogeneity
+from ertskin.physics.effects.smooth_field import field_design
+from ertskin.physics.history import History, Phase
+from ertskin.physics.protocol import Protocol, electrode_pairs
+from ertskin.physics.skin import Skin
+
+PAIRS = electrode_pairs(6)
+SCAN = Protocol.against_sink(PAIRS, 6, 1e-4, injection_offset_s=np.linspace(0.0, 0.4, len(PAIRS)))
+SHAPE = (3, 4)
+BY = 1e-4
+
+
+@pytest.fixture(scope="module")
+def history() -> History:
+    """Two presses to 2 mm and back, frames at rest about them."""
+    depth_m = np.array([np.nan, 1e-3, 2e-3, 1e-3] * 2 + [np.nan])
+    phase = [Phase.REST, Phase.LOADING, Phase.LOADING, Phase.UNLOADING] * 2 + [Phase.REST]
+    press = np.repeat([0, 1, 2], [4, 4, 1])
+    place = np.array([[0.012, 0.01], [0.03, 0.04], [np.nan, np.nan]])[press]
+    contact_m = np.where(np.isfinite(depth_m)[:, None], place, np.nan)[:, None]
+    nowhere = np.full((len(press), 1), np.nan)
+    return History(5.0 * np.arange(9), press, np.array(phase, dtype=np.uint8), contact_m, depth_m[:, None], nowhere)
+
+
+@pytest.mark.parametrize("kind", [SheetInhomogeneity, PiezoInhomogeneity])
+@pytest.mark.parametrize("moving", [False, True])
+def test_columns_are_the_differences_that_each_field_makes(
+    kind: type[FieldOverSheet], moving: bool, history: History
+) -> None:
+    skew = (ScanSkew(speed_m_per_s=1e-3),) if moving else ()
+    skin = Skin.build(small_sensor(), SCAN, small_law(), np.linspace(200.0, 900.0, 6), 9000.0, skew, SMALL)
+    linear = LinearSkin(skin, history, np.nan_to_num(skin.force_n(history)), np.arange(len(history)), None)
+    varied = kind(amplitude=0.2, x_m=0.02, y_m=0.02, radius_m=0.01)
+    others = (PiezoHysteresis(width=0.1), *skew)
+    here, raised = (replace(skin, effects=(*others, effect)) for effect in (varied, varied.raised(BY)))
+    extent_m = skin.sensor.extent_m
+    fields = partial(field_design, SHAPE, extent_m=extent_m)
+    found = np.zeros((*linear.scans(here).shape, SHAPE[0] * SHAPE[1]))
+    for rows, columns in linear.field_columns(here, raised, BY, fields):
+        found[rows] = columns
+    for k in (0, 5, 11):
+        nodes = tuple(map(tuple, (BY * np.eye(SHAPE[0] * SHAPE[1])[k]).reshape(SHAPE).tolist()))
+        moved = replace(skin, effects=(*others, replace(varied, nodes=nodes)))
+        difference = (linear.scans(moved) - linear.scans(here)) / BY
+        assert np.abs(difference).max() > 0
+        np.testing.assert_allclose(found[..., k], difference, atol=5e-3 * np.abs(found).max())
+
+
+def test_a_line_between_the_coarse_grids_nodes_is_seen(history: History) -> None:
+    skin = Skin.build(small_sensor(), SCAN, small_law(), np.linspace(200.0, 900.0, 6), 9000.0, (), SMALL)
+    linear = LinearSkin(skin, history, np.nan_to_num(skin.force_n(history)), np.arange(len(history)), None)
+    changes = []
+    for offset_m in np.linspace(-2.5e-3, 2.5e-3, 5):
+        line = SheetInhomogeneity(ridge=0.2, offset_m=float(offset_m), width_m=3e-3, edge_m=5e-4)
+        seen = linear.scans(replace(skin, effects=(line,)))[0] - linear.scans(skin)[0]
+        changes.append(np.sqrt(np.mean(seen**2)))
+    assert max(changes) < 1.5 * min(changes)
