@@ -167,7 +167,10 @@ def _others(current: Solved, number: int) -> NDArray[np.bool_]:
 
 @lru_cache(maxsize=4)
 def _covariances(shape: tuple[int, int], box: tuple[float, ...]) -> list[Array]:
-    """Halves (M,J) of the covariances tried, of unit variance: squared exponentials, even and along lines."""
+    """Halves (M,J) of the covariances tried, of unit variance: Matern's of order 3/2, even and along lines.
+
+    Between places known precisely a squared exponential overshoots (Stein, Interpolation of Spatial Data, 1999).
+    """
     extent_m = np.reshape(box, (2, 2))
     side = float(np.ptp(extent_m, axis=0).max())
     return [_half(shape, extent_m, side * np.array(lengths), angle) for lengths, angle in _kinds()]
@@ -181,8 +184,8 @@ def _kinds() -> Iterator[tuple[tuple[float, float], float]]:
 def _half(shape: tuple[int, int], extent_m: Array, length_m: Array, angle: float) -> Array:
     node = node_position_m(shape, extent_m)
     turned = node @ np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]) / length_m
-    apart = ((turned[:, None] - turned) ** 2).sum(axis=-1)
-    variance, vector = np.linalg.eigh(np.exp(-0.5 * apart))
+    apart = np.sqrt(3 * ((turned[:, None] - turned) ** 2).sum(axis=-1))
+    variance, vector = np.linalg.eigh((1 + apart) * np.exp(-apart))
     kept = variance > LEAST_VARIANCE * variance.max()
     return np.asarray(vector[:, kept] * np.sqrt(variance[kept]))
 
@@ -300,7 +303,8 @@ def with_smooth_fields(problem: VoltageProblem, current: Solved, partitions: Seq
 def with_smooth_field(
     problem: VoltageProblem, current: Solved, number: int, partitions: Sequence[Sequence[int]]
 ) -> Solved | None:
-    """The fit with a term's field in the modes that are told about this fit; None where that gains no evidence."""
+    """The fit with a term's field in the modes that are told about this fit; None where it gains too little
+    evidence."""
     current, extent_m = problem.at_hand(current), problem.evidence.sensor.extent_m
     quadratic = NodeQuadratic.of(problem, current, current.effects, number)
     residual = current.scan_residual[current.scan_residual.any(axis=1)]

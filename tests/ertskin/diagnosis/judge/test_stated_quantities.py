@@ -42,7 +42,7 @@ def test_a_claim_states_its_map_in_the_sheet() -> None:
     claim = Claim(effect, 0.9, 1.3, {"amplitude": Estimate(0.5, 0.4, 0.6, "1")})
     said = stated(claim, STANDARD, Spread.of(claim.parameters), SENSOR).plain()
     point, value = np.array(said["map"]["point_m"]), np.array(said["map"]["value"])
-    assert value == pytest.approx(effect.log_sensitivity(point, SENSOR.extent_m), abs=1e-4)
+    assert value == pytest.approx(effect.logarithm(point, SENSOR.extent_m), abs=1e-4)
     assert ((point > SENSOR.extent_m[0]) & (point < SENSOR.extent_m[1])).all()
     assert said["quantities"]["log_spread"]["low"] < said["quantities"]["log_spread"]["high"]
     assert claim.plain()["map"] is None
