@@ -28,7 +28,6 @@ from generator.skins import drawn
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from ertskin.diagnosis.search.smooth_fields import SHAPE
 from ertskin.diagnosis.specimen.fit import SpecimenTest
 from ertskin.physics.effects.effect import (
     Effect,
@@ -49,6 +48,8 @@ Array = NDArray[np.float64]
 OUT = Path(__file__).with_name("isolated_laws.json")
 SEEDS = (101, 102)
 SHARE = 0.3
+NODES = (7, 7)
+"""Of the smooth field that the laws committed were measured with."""
 STEP_S = 0.5
 HELD = 10
 PEAKS = (0.3, 0.8, 0.5, 1.0, 0.6)
@@ -217,7 +218,7 @@ def field(kind: type[Form], skin: Skin) -> float:
     said = form_of(kind, skin).map(point)  # type: ignore[attr-defined]
     said = said - said.mean()
     unit = (point - point.mean(axis=0)) / np.ptp(point, axis=0)
-    smooth = np.column_stack([field_design(SHAPE, point, skin.box_m), unit, np.ones(len(point))])
+    smooth = np.column_stack([field_design(NODES, point, skin.box_m), unit, np.ones(len(point))])
 
     def missed(spot: Array) -> Array:
         squared = ((point - spot[:2]) ** 2).sum(axis=1)

@@ -239,7 +239,8 @@ def test_diagnoses_from_a_scheduler_are_those_of_one_process_though_a_worker_was
 
     def written(folder, pieces, cluster):
         folders = tuple(tmp_path / folder / source.stem for source in sources)
-        said = dict(cluster.spread(pieces(sources, folders, tmp_path / folder / "conf", "fast"), range(2)))
+        kept = (tmp_path / folder / name for name in ("conf", "calibrate"))
+        said = dict(cluster.spread(pieces(sources, folders, *kept, "fast"), range(2)))
         assert said[0].verdict == "cannot_tell"
         assert said[1].verdict == "no_mismatch"
         files = (path for path in (tmp_path / folder).rglob("*.*") if path.suffix != ".html")
