@@ -56,6 +56,8 @@ class ContactsNetwork(PlacesNetwork):
         self.least_force_n, self.most, self.exchanges = least_force_n, most, EXCHANGES
         self.register_buffer("answer_m", torch.tensor(taxel_m))
         self._posterior: TouchPosterior | None = None
+        if shapes is not None and set(shapes) != {*TABLE, *INTERPLAY, *SURE}:
+            raise UserError("these contacts were trained with another version's errors of the response: train again")
         for name, shape in (shapes or {}).items():
             self.register_buffer(name, torch.zeros(shape, dtype=_kind(name)))
 

@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 
 from ertskin.data.local_discrepancy import FEWEST, LocalDiscrepancy, modes, slopes
+from ertskin.errors import UserError
+from ertskin.models.contacts import ContactsNetwork
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "physics" / "touch"))
 from toy_skin import EXTENT_M, FIELDS_M, WIDTH_M, toy_table
@@ -83,3 +85,8 @@ def test_few_places_tell_no_error():
     _, error = LocalDiscrepancy.fit(table, place, force, real(place, force))
     assert error.error[2] == pytest.approx(0.1)
     assert error.shape_spread == pytest.approx(np.full(3, 0.1))
+
+
+def test_a_network_with_errors_told_otherwise_is_refused():
+    with pytest.raises(UserError, match="train again"):
+        ContactsNetwork(28, [[0.0, 0.0], [0.02, 0.0], [0.0, 0.02], [0.02, 0.02]], shapes={"spread": [4]})
