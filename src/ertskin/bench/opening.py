@@ -18,6 +18,7 @@ from ertskin.hardware.rig import Rig, RigError, open_reader, open_rig
 from ertskin.hardware.specimen_run import SpecimenSetup
 from ertskin.physics.protocol import Protocol
 from ertskin.physics.sensor import Sensor
+from ertskin.settings import check_limits, checked
 
 if TYPE_CHECKING:
     from ertskin.bench.hands import Hands
@@ -135,9 +136,12 @@ def _emulated(
     from ertskin.hardware.virtual.specimen import BenchSpecimen
 
     hidden = {name: float(strength) for name, strength in (fields.get("effects") or {}).items()}
+    noise = checked(Noise, fields.get("noise") or {}, "rig.noise")
+    for name, amplitude in vars(noise).items():
+        check_limits(amplitude, {"least": 0.0}, f"rig.noise.{name}")
     try:
-        truth = draw_truth(sensor, int(fields["seed"]), hidden, Noise(**(fields.get("noise") or {})))
-    except (KeyError, TypeError) as error:
+        truth = draw_truth(sensor, int(fields["seed"]), hidden, noise)
+    except KeyError as error:
         raise UserError(f"rig: {error.args[0]}") from None
     bench = virtual_bench(
         LiveSkin(truth, sensor, protocol, purpose=f"{purpose} from {start_s:.0f} s"),

@@ -11,19 +11,23 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
 import pytest
+from omegaconf import OmegaConf
 from rich.console import Console
 
 from ertskin.bench.hands import Person
 from ertskin.cli import main
+from ertskin.configuration import config_dir
 from ertskin.errors import JobFailed
 from ertskin.hardware.recorder import part_of
 from ertskin.hardware.recording import read_recording
 from ertskin.hardware.validate import validate
 from ertskin.hardware.virtual.bench.sealing import unseal
+from ertskin.hardware.virtual.bench.truth import Noise
 from ertskin.hardware.virtual.faults import Faults
 from ertskin.hardware.virtual.rig import VirtualBench, virtual_bench
 from ertskin.hardware.virtual.serving import Server
@@ -46,7 +50,7 @@ MANY = 12
 
 def test_records_a_plan_into_a_sound_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "a.h5"
-    assert main(words(out)) == 0
+    assert main(words(out, 1, "rig.noise.white_v=1.0e-3")) == 0
     assert str(out) in capsys.readouterr().out.replace("\n", "")
     findings = validate(out)
     assert findings.errors == []
@@ -58,6 +62,7 @@ def test_records_a_plan_into_a_sound_file(tmp_path: Path, capsys: pytest.Capture
     np.testing.assert_allclose(depth, [np.nan, 0.0, 5e-4, 1e-3, 1e-3, 5e-4, 0.0, np.nan], atol=1e-9)
     truth, _ = unseal(out, tmp_path / "sealed")
     assert "piezo_hysteresis" in truth.effects
+    assert truth.noise == Noise(white_v=1e-3)
     before = out.read_bytes()
     assert main(words(out)) == 2
     assert out.read_bytes() == before
@@ -125,6 +130,8 @@ def test_a_plan_from_a_file_or_a_diagnosis(tmp_path: Path, capsys: pytest.Captur
         ("plan.kind=unknown", "no kind"),
         ("rig.stage.driver=abacus", "abacus"),
         ("rig.effects={no_such_effect: 1.0}", "no_such_effect"),
+        ("rig.noise.landing_m=far", "rig.noise.landing_m must be a number"),
+        ("rig.noise.spike_v=-0.1", "rig.noise.spike_v must be at least 0"),
         ("rig.limits.depth_m=1.0e-4", "beyond the limit"),
         ("sensor.electrode_size_m=[1,2,3]", "sensor"),
     ],
@@ -136,6 +143,11 @@ def test_what_can_not_be_is_told_in_a_line(
     error = capsys.readouterr().err.strip()
     assert told in error
     assert "\n" not in error
+
+
+def test_the_rigs_file_lists_all_that_can_be_noisy() -> None:
+    listed = OmegaConf.load(config_dir() / "rig" / "virtual.yaml")
+    assert OmegaConf.to_container(listed.noise) == asdict(Noise())
 
 
 def test_stopped_then_killed_and_gone_on_with(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
