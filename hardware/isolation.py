@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 
 from ertskin.hardware import clean_copy
@@ -23,14 +24,22 @@ def isolated_copy(path: Path) -> bytes:
     command = [sys.executable, "-P", clean_copy.__file__, str(path)]
     allowed_s = clean_copy.processor_s(path.stat().st_size)
     surroundings = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path)), "OPENBLAS_NUM_THREADS": "1"}
-    try:
-        done = subprocess.run(
-            command, capture_output=True, env=surroundings, timeout=allowed_s + STALLED_S, check=False
-        )
-    except subprocess.TimeoutExpired:
-        raise CannotRead("the HDF5 library comes to no end") from None
-    if done.returncode == 0:
-        return done.stdout
+    # Through a file: a pipe hands tens of megabytes over in hundreds of pieces.
+    with tempfile.TemporaryFile() as image:
+        try:
+            done = subprocess.run(
+                command,
+                stdout=image,
+                stderr=subprocess.PIPE,
+                env=surroundings,
+                timeout=allowed_s + STALLED_S,
+                check=False,
+            )
+        except subprocess.TimeoutExpired:
+            raise CannotRead("the HDF5 library comes to no end") from None
+        if done.returncode == 0:
+            image.seek(0)
+            return image.read()
     said = done.stderr.decode("utf-8", "replace").strip().splitlines()
     if done.returncode == clean_copy.CANNOT_OPEN:
         raise CannotOpen(said[-1])

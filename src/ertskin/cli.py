@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import hashlib
 import importlib
 import os
 import sys
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -93,7 +94,27 @@ def _run(verb: str, arguments: list[str]) -> None:
     # A command may take a word that Hydra would not, and say it in Hydra's words.
     words = command.reworded(arguments) if hasattr(command, "reworded") else arguments
     sys.argv = [f"ertskin {verb}", *_options_first([*words, *extra])]
-    hydra.main(version_base="1.3", config_path=str(config_dir()), config_name=verb)(_reporting(command.run))()
+    application = hydra.main(version_base="1.3", config_path=str(config_dir()), config_name=verb)
+    with contextlib.nullcontext() if _may_ask_for_sweep(words) else _composed_once():
+        application(_reporting(command.run))()
+
+
+def _may_ask_for_sweep(words: list[str]) -> bool:
+    """Whether a file may say ``hydra.mode``: an experiment's, or one in a folder of the person's own."""
+    return any(word.lstrip("+").startswith(("experiment=", "hydra", "-")) for word in words)
+
+
+@contextlib.contextmanager
+def _composed_once() -> Iterator[None]:
+    """Hydra composes the configuration a first time only to read ``hydra.mode``; None tells it that none is given."""
+    from hydra._internal.hydra import Hydra
+
+    asked = Hydra.get_mode
+    Hydra.get_mode = lambda self, config_name, overrides: None
+    try:
+        yield
+    finally:
+        Hydra.get_mode = asked
 
 
 def _options_first(arguments: list[str]) -> list[str]:

@@ -9,6 +9,7 @@ import time
 
 import pytest
 import yaml
+from processor_time import command_s
 
 from ertskin import cli
 from ertskin.commands import verbs
@@ -128,6 +129,33 @@ def test_zsh_completes(shell, typed, whole):
         print completed
     """
     assert shell("zsh", "-c", pressed).strip() == "completed"
+
+
+def test_help_is_there_at_once():
+    assert command_s("--help") < 0.2
+
+
+def test_doctor_answers_within_a_second(shared_data):
+    # An idle machine's second is half as long again where every core has a neighbour.
+    assert command_s("doctor", f"recording={shared_data / 'recordings' / 'rig_a_train.h5'}") < 1.5
+
+
+def test_a_configuration_is_composed_once(monkeypatch, tmp_path, capsys):
+    from hydra._internal.config_loader_impl import ConfigLoaderImpl
+
+    composed = []
+    compose = ConfigLoaderImpl.load_configuration
+    monkeypatch.setattr(
+        ConfigLoaderImpl, "load_configuration", lambda *args, **kwargs: composed.append(1) or compose(*args, **kwargs)
+    )
+    assert cli.main(["doctor", f"recording={tmp_path / 'absent.h5'}"]) == 2
+    assert len(composed) == 1
+
+
+@pytest.mark.parametrize("word", ["experiment=sweep", "+experiment=mine", "hydra.mode=MULTIRUN", "-m", "--config-dir"])
+def test_a_file_may_ask_for_a_sweep(word):
+    assert cli._may_ask_for_sweep(["seed=0", word])
+    assert not cli._may_ask_for_sweep(["seed=0"])
 
 
 def test_options_may_stand_between_overrides():
