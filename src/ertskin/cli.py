@@ -110,11 +110,11 @@ def _composed_once() -> Iterator[None]:
     from hydra._internal.hydra import Hydra
 
     asked = Hydra.get_mode
-    Hydra.get_mode = lambda self, config_name, overrides: None
+    Hydra.get_mode = lambda self, config_name, overrides: None  # type: ignore[method-assign]
     try:
         yield
     finally:
-        Hydra.get_mode = asked
+        Hydra.get_mode = asked  # type: ignore[method-assign]
 
 
 def _options_first(arguments: list[str]) -> list[str]:
