@@ -24,11 +24,12 @@ from ertskin.evaluation.anywhere.evaluate import evaluate_anywhere, merged
 from ertskin.evaluation.benchmark import TestFrames, network_result
 from ertskin.evaluation.corrected_forward import CorrectedForward
 from ertskin.evaluation.followed import seen_by
+from ertskin.evaluation.grids import Grid, grids, on_points
 from ertskin.evaluation.panel import yardsticks
 from ertskin.evaluation.recordings import ANYWHERE_ROLE, EvaluatedRecordings
 from ertskin.evaluation.results import MethodResult, metric_names, write_results
 from ertskin.evaluation.tracked import track
-from ertskin.evaluation.trained import Group, finished_models, given_models, grouped, on_grid, without_and_with
+from ertskin.evaluation.trained import finished_models, given_models, on_grid, without_and_with
 from ertskin.hardware.recording import Recording
 from ertskin.hardware.virtual.bench.sealing import SealError, committed, unseal
 from ertskin.models.reconstruction import Reconstruction
@@ -64,18 +65,20 @@ def evaluate(config: DictConfig, files: EvaluatedRecordings, say: Say = lambda l
     models = given_models(list(config.models), tracking) if found is None else found
     methods: list[MethodResult] = []
     remarks: list[str] = []
-    checksum = None
+    checksums: dict[str, str] = {}
     on_taxels = {role: recording for role, recording in recordings.items() if role != ANYWHERE_ROLE}
-    groups = grouped(models)
-    if len(on_taxels) > 1:
-        methods, remarks, checksum = _on_taxels(config, on_taxels, groups, say)
+    compared = grids(config, models, ready_calibration(config, files.training)[0].known_sensor)
+    groups = {name: group for grid in compared for name, group in grid.groups.items()}
+    for grid in compared if len(on_taxels) > 1 else ():
+        judged, told, checksums[grid.name] = _on_taxels(grid, on_taxels, say)
+        methods, remarks = methods + judged, remarks + told
     if ANYWHERE_ROLE in recordings:
         anywhere, more = evaluate_anywhere(config, recordings[ANYWHERE_ROLE], groups, say)
         methods, remarks = merged(methods, anywhere), remarks + more
     methods = _in_order(methods)
     say("report")
     out = Path(config.out) if config.out else Path("runs/evaluate") / f"{source.stem}{_grid(config)}"
-    about = _about(source, named, checksum)
+    about = _about(source, named, checksums.get("") or checksums or None)
     results, table = write_results(out, methods, about)
     inputs = _inputs(config, source, recordings, methods, about)
     report = write_report(
@@ -111,27 +114,29 @@ class Story:
         return cls(diagnosis, (hidden, committed(Path(config.recording))))
 
 
-def _on_taxels(
-    config: DictConfig, recordings: dict[str, Recording], groups: dict[str, Group], say: Say
-) -> tuple[list[MethodResult], list[str], str]:
-    """Networks of this grid and yardsticks on presses of taxels, what a person should know, and the data's checksum."""
-    say("simulated trials")
+def _on_taxels(grid: Grid, recordings: dict[str, Recording], say: Say) -> tuple[list[MethodResult], list[str], str]:
+    """Networks of this grid and yardsticks on presses of its points, what a person should know, and the data's
+    checksum."""
+    config, groups = grid.config, grid.groups
+    say(f"simulated trials {grid.name}".rstrip())
     material = simulated(config)
     tests = [recording for role, recording in recordings.items() if role != "training"]
     zeroed = [touches_of(recording) for recording in tests]
-    frames = _frames(zeroed, material)
+    frames = _frames(zeroed, material, grid.name)
     fitting = {name: on_grid(trained, material.taxel_m) for name, trained in groups.items()}
     count = sum(map(len, groups.values()))
     if not any(fitting.values()):
         raise UserError(f"none of {count} models answers for the {len(material.taxel_m)} taxels of this grid")
     left_out = count - sum(map(len, fitting.values()))
-    remarks = [f"{left_out} models of other grids left out"] if left_out else []
+    remarks = [f"{left_out} models of other grids left out: grids=[3x3,6x6] shows grids side by side"] * (left_out > 0)
+    if grid.name:
+        remarks.append(f"grid {grid.name}: judged on {len(frames.change_v)} of {sum(map(len, zeroed))} test frames")
     methods = []
 
     def as_seen(one: Reconstruction) -> TestFrames:
         seen = [seen_by(one, *pair, bool(config.follow)) for pair in zip(tests, zeroed, strict=True)]
         remarks.extend(line for _, lines in seen for line in lines if line not in remarks)
-        return _frames([touches for touches, _ in seen], material)
+        return _frames([touches for touches, _ in seen], material, grid.name)
 
     for name, trained in fitting.items():
         if trained:
@@ -139,19 +144,28 @@ def _on_taxels(
             methods.append(network_result(name, trained, as_seen))
     forward, rest = _physics(config, recordings["training"], material)
     seeds = range(int(config.yardstick_seeds))
-    methods += yardsticks(list(config.yardsticks), material, forward, rest, frames, seeds, say)
-    return methods, remarks, material.checksum
+    beside = yardsticks(list(config.yardsticks), material, forward, rest, frames, seeds, say)
+    methods += [replace(method, name=f"{method.name} {grid.name}".rstrip()) for method in beside]
+    return [replace(method, grid=grid.name) for method in methods], remarks, material.checksum
 
 
 def _grid(config: DictConfig) -> str:
     """What tells the reports of different grids apart; nothing for the recording's own taxels."""
+    if config.grids is not None:
+        return "".join(f"-{name}" for name in config.grids)
     return "" if config.grid.columns is None else f"-{config.grid.columns}x{config.grid.rows}"
 
 
-def _frames(tests: Sequence[Touches], material: Material) -> TestFrames:
+def _frames(tests: Sequence[Touches], material: Material, grid: str) -> TestFrames:
+    """Of one grid among several the frames on its points; the only one must have all on them."""
     if any(test.protocol.design.shape != material.protocol.design.shape for test in tests):
         raise UserError("a test recording was scanned with another protocol than the training recording")
-    return TestFrames.of(tests, material.taxel_m, 0.5 * spacing_m(material.taxel_m))
+    within_m = 0.5 * spacing_m(material.taxel_m)
+    if grid:
+        tests = [on_points(test, material.taxel_m, within_m) for test in tests]
+        if not any(map(len, tests)):
+            raise UserError(f"grids: no test frame has its contacts on the points of {grid}")
+    return TestFrames.of(tests, material.taxel_m, within_m)
 
 
 def _physics(config: DictConfig, recording: Recording, material: Material) -> tuple[Forward, Callable[[], Solution]]:
@@ -190,7 +204,7 @@ def _rank(method: MethodResult) -> tuple[float, float]:
     return -float(np.mean(right)), float(np.mean(errors))
 
 
-def _about(source: Path, named: dict[str, Path], checksum: str | None) -> dict[str, object]:
+def _about(source: Path, named: dict[str, Path], checksum: str | dict[str, str] | None) -> dict[str, object]:
     files = {"training": source} | named
     return {
         "files": {role: {"name": path.name, "sha256": file_sha256(path)} for role, path in files.items()},

@@ -46,12 +46,19 @@ class SeedResult:
 
 @dataclass(frozen=True, eq=False)
 class MethodResult:
-    """A method and its trainings; ``note`` says in a few words what it is."""
+    """A method and its trainings; ``note`` says in a few words what it is. ``grid``: the one it answers on, which ends
+    its name, where several are compared."""
 
     name: str
     kind: Kind
     runs: tuple[SeedResult, ...]
     note: str = ""
+    grid: str = ""
+
+    @property
+    def family(self) -> str:
+        """The name without the grid."""
+        return self.name.removesuffix(f" {self.grid}")
 
     def values(self, metric: str) -> Array:
         """(S,) the metric of each seed that has it."""
@@ -64,7 +71,8 @@ class MethodResult:
     def plain(self) -> dict[str, Any]:
         """As values JSON can hold."""
         seeds = [{"seed": run.seed, "metrics": as_plain(run.scores)} for run in self.runs]
-        return {"name": self.name, "kind": self.kind, "note": self.note, "seeds": seeds}
+        grid = {"grid": self.grid} if self.grid else {}
+        return {"name": self.name, "kind": self.kind, "note": self.note, **grid, "seeds": seeds}
 
 
 def metric_names(methods: Sequence[MethodResult]) -> list[str]:

@@ -17,6 +17,7 @@ from ertskin.report.sections.anywhere import anywhere
 from ertskin.report.sections.change import change
 from ertskin.report.sections.failures import failures
 from ertskin.report.sections.fit import fit
+from ertskin.report.sections.grids import grids
 from ertskin.report.sections.lacking import lacking, named_in
 from ertskin.report.sections.network import network
 from ertskin.report.sections.opened import opened
@@ -63,8 +64,11 @@ def write_report(path: Path, inputs: ReportInputs) -> Path:
         sections.append(lacking(inputs.diagnosis))
     if (changed := change(inputs.methods, inputs.pairs)) is not None:
         sections.append(changed)
+    if (beside := grids(inputs.methods)) is not None:
+        sections.append(beside)
     if any(not name[-1].isdigit() for name in metric_names(inputs.methods)):
-        sections += [network(inputs.methods, shown), failures(inputs.methods, shown)]
+        alike = [method for method in inputs.methods if method.grid == shown.grid]
+        sections += [network(inputs.methods, shown), failures(alike, shown)]
     if (between := anywhere(inputs.methods, shown)) is not None:
         sections.append(between)
     if inputs.hidden is not None:

@@ -18,6 +18,7 @@ from ertskin.report.method_table import method_table
 from ertskin.report.page import Page, Section, render
 from ertskin.report.report import ReportInputs, write_report
 from ertskin.report.sections.failures import failures
+from ertskin.report.sections.grids import grids
 
 VOID = {"meta", "img", "link", "br"}
 
@@ -120,6 +121,24 @@ def test_a_report_without_recordings_or_model_still_stands(tmp_path):
     outline = Outline()
     outline.feed(path.read_text(encoding="utf-8"))
     assert outline.headings == ["How well the network does", "Where it fails"]
+
+
+def test_the_section_has_a_column_for_each_grid():
+    of_grid = [
+        replace(examples.method(f"{name} {grid}", "network", noise_n, 2), grid=grid)
+        for name, noise_n in (("paper", 0.6), ("reciprocal", 0.1))
+        for grid in ("3x3", "6x6")
+    ]
+    section = grids([*of_grid, examples.method("mean 6x6", "yardstick", 1.0, 1)])
+    assert section is not None
+    (table,) = section.tables
+    assert table.heads == ("metric and network", "3x3", "6x6")
+    rows = {row.cells[0]: row.cells[1:] for row in table.rows}
+    values = of_grid[0].values("force_rmse_one_n")
+    expected = (f"{values.mean():.2f}", f"{values.min():.2f} to {values.max():.2f}")
+    assert rows["force RMSE, one point / N", "paper"][0] == expected
+    assert section.words[-1] == "Test frames: 3x3 on 302, 6x6 on 302."
+    assert grids(of_grid[:1]) is None
 
 
 def test_names_from_files_are_escaped():

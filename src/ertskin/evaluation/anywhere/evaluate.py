@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -81,7 +82,7 @@ def merged(methods: Sequence[MethodResult], more: Sequence[MethodResult]) -> lis
             )
             for run in method.runs
         )
-        joined.append(MethodResult(method.name, method.kind, runs, method.note))
+        joined.append(replace(method, runs=runs))
     return joined + list(by_name.values())
 
 

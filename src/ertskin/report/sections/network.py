@@ -23,9 +23,9 @@ COMPARED = ("hit_rate_one", "force_rmse_one_n", "exact_rate_two", "force_error_t
 def network(methods: Sequence[MethodResult], shown: MethodResult) -> Section:
     """The table of all methods, their comparison, and the answers of ``shown``'s first seed."""
     words = (
-        "Every method saw the same test frames, none of which it learned from. The yardsticks tell what a simple "
-        "method makes of the same readings; the oracle knows the calibrated physics and searches all contacts; the "
-        "bound is what no unbiased method can go below.",
+        "All methods of a grid saw the same test frames, none of which they learned from. The yardsticks tell what a "
+        "simple method makes of the same readings; the oracle knows the calibrated physics and searches all contacts; "
+        "the bound is what no unbiased method can go below.",
         f"The pictures show {shown.name}, seed {shown.runs[0].seed}.",
     )
     return Section(
