@@ -29,11 +29,15 @@ class MeasuredNoise:
     spike_v: Array
 
     @classmethod
-    def from_rest(cls, protocol: Protocol, rest_v: Array, margin: float = 2.0) -> MeasuredNoise:
+    def from_rest(
+        cls, protocol: Protocol, rest_v: Array, slope_v: Array | None = None, margin: float = 2.0
+    ) -> MeasuredNoise:
         """From rest frames (T,K,M) in volt; fewer than three raise ``ValueError``.
 
-        A direction counts as drift when its variance over the frames exceeds what white noise alone would show in
-        the largest of T-1 directions (Marchenko-Pastur edge) by ``margin``; the white part is taken off.
+        ``slope_v`` (P,m): by what is known to wander, as contacts and sheet. A direction found in few frames is off by
+        the white noise in all the others, so what these explain is measured along them. Of what is left a direction
+        counts as drift when its variance over the frames exceeds what white noise alone would show in the largest of
+        T-1 directions (Marchenko-Pastur edge) by ``margin``; the white part is taken off.
         """
         if len(rest_v) < 3:
             raise ValueError(f"measured noise needs at least three rest frames, the recording has {len(rest_v)}")
@@ -43,7 +47,11 @@ class MeasuredNoise:
         flagged = left_out.reshape(len(rest_v), -1) & there
         std_v = _white_std(protocol, leftover[there & ~flagged], np.diff(coordinates, axis=0))
         rate = float(flagged.sum() / max(there.sum(), 1))
-        return cls(protocol, std_v, _drift(coordinates, std_v, margin), rate, leftover[flagged])
+        centred = coordinates - coordinates.mean(axis=0)
+        slope_v = np.zeros((coordinates.shape[1], 0)) if slope_v is None else slope_v
+        known, left = _along(centred, slope_v, std_v)
+        drift = np.concatenate([known, _drift(left, std_v, margin)])
+        return cls(protocol, std_v, drift, rate, leftover[flagged])
 
     def coordinates(self, rng: np.random.Generator, trials: int) -> Array:
         """(trials, P) volt: white noise and drift; spikes are what the reduction takes out."""
@@ -76,10 +84,20 @@ def _white_std(protocol: Protocol, leftover: Array, change: Array) -> float:
     return float(robust_std(leftover)) * float(np.sqrt(protocol.count / spare))
 
 
-def _drift(coordinates: Array, std_v: float, margin: float) -> Array:
+def _along(centred: Array, slope_v: Array, std_v: float) -> tuple[Array, Array]:
+    """(m,P) the slopes times the standard deviations of what each is of, and what (T,P) they leave of the frames."""
+    if not slope_v.size:
+        return slope_v.T, centred
+    told = np.linalg.pinv(slope_v)
+    change = centred @ told.T
+    known = std_v**2 * np.einsum("mp,mp->m", told, told)
+    variance = (change**2).sum(axis=0) / (len(centred) - 1) - known
+    return np.sqrt(np.maximum(variance, 0.0))[:, None] * slope_v.T, centred - change @ slope_v.T
+
+
+def _drift(centred: Array, std_v: float, margin: float) -> Array:
     """(D,P) drift directions times their standard deviations."""
-    frames, pairs = coordinates.shape
-    centred = coordinates - coordinates.mean(axis=0)
+    frames, pairs = centred.shape
     _, singular, directions = np.linalg.svd(centred, full_matrices=False)
     variance = singular**2 / (frames - 1)
     white = std_v**2 * (1.0 + np.sqrt(pairs / (frames - 1))) ** 2

@@ -166,7 +166,7 @@ class _Run:
         middle = time_s + self.scan_s / 2
         self._held = pressure
         self._rest_on(pressure, middle)
-        transfer = self.skin.transfer_ohm(pressure, middle, self._repeatability.contact_ohm)
+        transfer = self.skin.transfer_ohm(pressure, middle, self._repeatability.scanned_ohm())
         return self.electronics.potentials_read(transfer)
 
     def _rest_on(self, pressure_pa: Array, until_s: float) -> None:

@@ -90,7 +90,7 @@ class LiveSkin:
             felt = np.array([force_n * self._repeatability.gain])
             pressure = self._skin.pressure_pa(landing, felt, self._stage.stiffened)
         self._rest_on(pressure, time_s)
-        transfer = self._skin.transfer_ohm(pressure, time_s, self._repeatability.contact_ohm)
+        transfer = self._skin.transfer_ohm(pressure, time_s, self._repeatability.scanned_ohm())
         return self._electronics.potentials_read(transfer)
 
     def _come_or_go(self, time_s: float, comes: bool) -> None:

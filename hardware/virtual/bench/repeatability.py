@@ -40,6 +40,16 @@ class Repeatability:
         # Only where it counts: a draw more would change all that comes after it.
         self._off_m = self._rng.normal(0.0, noise.landing_m, 2) if noise.landing_m > 0.0 else np.zeros(2)
 
+    def scanned_ohm(self) -> Array:
+        """(L,) the contact resistances of one scan."""
+        share = self._truth.noise.jitter_share
+        # Only where it counts: a draw more would change all that comes after it.
+        return (
+            self.contact_ohm * np.exp(share * self._rng.normal(0.0, 1.0, len(self._nominal)))
+            if share
+            else self.contact_ohm
+        )
+
     def placed_m(self, landing_m: Array) -> Array:
         """(P,2) where things put down by hand come to lie."""
         spread = self._truth.noise.placement_m

@@ -19,8 +19,8 @@ class Noise:
 
     ``coloured_share`` of the white variance is correlated along the scan; ``spike_share`` of the readings are off by
     about ``spike_v``; a press is off by ``press_gain`` (relative), every contact resistance walks by ``walk_share`` of
-    itself from press to press and is drawn back, weights are put down within ``placement_m``, and a stage lands within
-    ``landing_m`` of where it is sent.
+    itself from press to press and is drawn back, and jitters by ``jitter_share`` of itself from scan to scan; weights
+    are put down within ``placement_m``, and a stage lands within ``landing_m`` of where it is sent.
     """
 
     white_v: float = 2e-3
@@ -28,6 +28,7 @@ class Noise:
     spike_share: float = 0.0
     spike_v: float = 0.05
     walk_share: float = 0.0
+    jitter_share: float = 0.0
     press_gain: float = 0.0
     placement_m: float = 0.0
     landing_m: float = 0.0

@@ -77,9 +77,8 @@ def design_of(recording: Recording, name: str) -> tuple[PressDesign, Array]:
     model = touch_model(touches.protocol, table, noise, None, correct=False).strongest(COMPONENTS)
     history = real.history
     force_n = history.force_n[:, 0]
-    design = PressDesign(
-        model.table, history.contact_m[:, 0], force_n, real.change_v @ model.matrix, float(force_n.max())
-    )
+    seen = real.change_v @ model.matrix
+    design = PressDesign(model.table, history.contact_m[:, 0], force_n, history.press, seen, float(force_n.max()))
     return design, force_n[history.press == history.press.max()]
 
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from omegaconf import DictConfig
 
 from ertskin.calibration.ready import ready_calibration
+from ertskin.calibration.rest_slopes import rest_slopes_v
 from ertskin.data.anywhere_plan import AnywherePlan
 from ertskin.data.forward import PressForward
 from ertskin.data.grid import grid_m
@@ -50,8 +51,9 @@ def anywhere(config: DictConfig) -> Material:
     plan = checked(AnywherePlan, config.data.plan, "data.plan")
     touches = None if recording.frames is None else touches_of(recording)
     forward, table, checksum = _tabulated(config, recording, plan, touches)
+    slope_v = rest_slopes_v(forward.protocol, forward.calibration, forward.resolution)
     noise = hydra.utils.instantiate(config.noise)(
-        Evidence(forward.protocol, None if touches is None else touches.rest_v)
+        Evidence(forward.protocol, None if touches is None else touches.rest_v, slope_v=slope_v)
     )
     whole = touch_model(forward.protocol, table, noise, touches, config.data.discrepancy)
     taxel_m = grid_m(config.grid, forward.calibration.known_sensor)
@@ -98,7 +100,7 @@ def touch_model(
     real = None if touches is None else pressed(touches)
     if real is not None and len(real) and correct:
         place_m, force_n = real.history.contact_m[:, 0], real.history.force_n[:, 0]
-        found, error = LocalDiscrepancy.fit(seen, place_m, force_n, real.change_v @ matrix)
+        found, error = LocalDiscrepancy.fit(seen, place_m, force_n, real.history.press, real.change_v @ matrix)
         unseen_v = np.asarray(np.linalg.solve(matrix.T, found.unseen(seen, real.change_v @ matrix).T).T)
         seen = found.correct(seen)
     return TouchModel(seen, matrix, error, unseen_v)

@@ -15,7 +15,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ertskin.data.local_discrepancy import EXPECTED, MODES, coefficients, evidences, modes, process_covariance, slopes
+from ertskin.data.local_discrepancy import (
+    EXPECTED,
+    MODES,
+    Process,
+    coefficients,
+    evidences,
+    modes,
+    process_covariance,
+    slopes,
+)
 from ertskin.physics.touch.posterior import SHAPE_M
 from ertskin.physics.touch.table import ResponseTable
 
@@ -53,14 +62,23 @@ class Accuracy:
 class PressDesign:
     """What presses at (N,2) with (N,) newton leave unknown, and what one press more would."""
 
-    def __init__(self, table: ResponseTable, contact_m: Array, force_n: Array, seen: Array, largest_n: float) -> None:
-        """``seen`` (N,D): what they showed in the table's coordinates, in units of the noise; ``largest_n``: the force
-        up to which the sheet is judged."""
+    def __init__(
+        self,
+        table: ResponseTable,
+        contact_m: Array,
+        force_n: Array,
+        press: NDArray[np.int64],
+        seen: Array,
+        largest_n: float,
+    ) -> None:
+        """``press`` (N,): which press a frame is of; ``seen`` (N,D): what they showed in the table's coordinates, in
+        units of the noise; ``largest_n``: the force up to which the sheet is judged."""
         self.table, self.contact_m, self.force_n = table, contact_m, force_n
+        self.same = press[:, None] == press
         basis = modes(table, contact_m, force_n)
         numbers, self.noise = coefficients(basis, seen - table.alone(contact_m, force_n))
         self.processes = [
-            likely(evidences(contact_m, force_n, numbers[:, m], self.noise[:, m])) for m in range(len(MODES))
+            likely(evidences(contact_m, force_n, press, numbers[:, m], self.noise[:, m])) for m in range(len(MODES))
         ]
         self.judged_m, self.judged_n = judged(table, largest_n)
         self._response = _Response.of(table, self.judged_m, self.judged_n)
@@ -87,26 +105,22 @@ class PressDesign:
         """(1+C,J,6) of the numbers where the sheet is judged: as of now, then after each candidate (C,2), (C,F)."""
         total = np.zeros((1 + len(place_m), len(self.judged_n), len(MODES)))
         for m, process in enumerate(self.processes):
-            for share, length, variance in process:
-                total[..., m] += share * self._reduced(
-                    length, variance, self.noise[:, m], place_m, force_n, noise[..., m]
-                )
+            for share, one in process:
+                total[..., m] += share * self._reduced(one, self.noise[:, m], place_m, force_n, noise[..., m])
         return total
 
-    def _reduced(
-        self, length: float, variance: float, noise: Array, place_m: Array, force_n: Array, new_noise: Array
-    ) -> Array:
-        """(1+C,J) variances of one number under one length and variance of its process."""
+    def _reduced(self, process: Process, noise: Array, place_m: Array, force_n: Array, new_noise: Array) -> Array:
+        """(1+C,J) variances of one number under one of its processes."""
 
         def between(a_m: Array, a_n: Array, b_m: Array, b_n: Array) -> Array:
-            return process_covariance(a_m, a_n, b_m, b_n, length, variance)
+            return process_covariance(a_m, a_n, b_m, b_n, process.length_m, process.variance)
 
         new_m, new_n = np.repeat(place_m, force_n.shape[1], axis=0), force_n.ravel()
         own = self.contact_m, self.force_n
-        inverse = np.linalg.inv(between(*own, *own) + np.diag(noise))
+        inverse = np.linalg.inv(between(*own, *own) + process.scatter * self.same + np.diag(noise))
         to_judged, to_new = between(*own, self.judged_m, self.judged_n), between(*own, new_m, new_n)
         known = inverse @ to_new
-        now = variance - np.einsum("nj,nj->j", to_judged, inverse @ to_judged)
+        now = process.variance - np.einsum("nj,nj->j", to_judged, inverse @ to_judged)
         across = (between(self.judged_m, self.judged_n, new_m, new_n) - to_judged.T @ known).reshape(
             len(now), *force_n.shape
         )
@@ -114,7 +128,7 @@ class PressDesign:
         for c, (place, force) in enumerate(zip(place_m, force_n, strict=True)):
             some = slice(c * len(force), (c + 1) * len(force))
             places = np.tile(place, (len(force), 1))
-            within = between(places, force, places, force) - to_new[:, some].T @ known[:, some]
+            within = between(places, force, places, force) + process.scatter - to_new[:, some].T @ known[:, some]
             told = np.linalg.solve(within + np.diag(new_noise[c]), across[:, c].T)
             rows.append(now - np.einsum("jf,fj->j", across[:, c], told))
         return np.maximum(np.stack(rows), 0.0)
@@ -141,13 +155,13 @@ class _Response:
         return size, SHAPE_M**2 * (x + y)
 
 
-def likely(found: list[tuple[float, float, float]]) -> list[tuple[float, float, float]]:
-    """(share, length, variance) of those processes that are likely, from their log likelihoods."""
-    logs = np.array([log - 0.5 * (np.log10(variance / EXPECTED**2) / DECADES) ** 2 for log, _, variance in found])
+def likely(found: list[tuple[float, Process]]) -> list[tuple[float, Process]]:
+    """(share, process) of those that are likely, from their log likelihoods."""
+    logs = np.array([log - 0.5 * (np.log10(one.variance / EXPECTED**2) / DECADES) ** 2 for log, one in found])
     share = np.exp(logs - logs.max())
     kept = share >= UNLIKELY
     share = share / share[kept].sum()
-    return [(float(share[k]), *found[k][1:]) for k in np.flatnonzero(kept)]
+    return [(float(share[k]), found[k][1]) for k in np.flatnonzero(kept)]
 
 
 def judged(table: ResponseTable, largest_n: float) -> tuple[Array, Array]:

@@ -10,6 +10,7 @@ each place in turn. It has no name and explains nothing; a diagnosis does.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,7 +34,18 @@ EXPECTED = 0.1
 """What each number may be before anything is known, and what is assumed of an error that can't be measured: with fewer
 places than ``FEWEST`` none can be left out."""
 VARIANCES = tuple(float(EXPECTED**2 * 10.0**power) for power in range(-4, 3))
+SCATTERS = (0.0, 0.01**2, 0.02**2, 0.04**2, 0.08**2, 0.16**2)
+"""Variances by which the numbers of one press may differ from what its place would show again and again: a stage lands
+beside its place, a force comes through as more or less."""
 FEWEST = 4
+
+
+class Process(NamedTuple):
+    """Of one number: correlation length over the sheet, variance, and variance from press to press."""
+
+    length_m: float
+    variance: float
+    scatter: float
 
 
 def unknown_error() -> ModelError:
@@ -46,7 +58,7 @@ class LocalDiscrepancy:
     """Gaussian process of the six ``MODES`` over place and force, from presses at (N,2) with (N,) newton.
 
     ``weight`` (N,6), ``length_m`` (6,), ``variance`` (6,); ``left_out`` (N,6): each press's numbers as the presses of
-    other places tell them.
+    other places tell them. ``scatter`` (6,): variance from press to press, which is not carried anywhere.
     """
 
     contact_m: Array
@@ -55,22 +67,23 @@ class LocalDiscrepancy:
     length_m: Array
     variance: Array
     left_out: Array
+    scatter: Array
 
     @classmethod
     def fit(
-        cls, table: ResponseTable, contact_m: Array, force_n: Array, seen: Array
+        cls, table: ResponseTable, contact_m: Array, force_n: Array, press: NDArray[np.int64], seen: Array
     ) -> tuple[LocalDiscrepancy, ModelError]:
-        """From what real presses (N,) showed, ``seen`` (N,D) in the table's coordinates, in units of the noise."""
+        """From what frames (N,) of presses numbered ``press`` showed, ``seen`` (N,D) in the table's coordinates, in
+        units of the noise."""
         basis = modes(table, contact_m, force_n)
         residual = seen - table.alone(contact_m, force_n)
         numbers, noise = coefficients(basis, residual)
         place, number = np.unique(contact_m, axis=0, return_inverse=True)
         groups = [np.flatnonzero(number.ravel() == k) for k in range(len(place))]
-        chosen = [_process(contact_m, force_n, numbers[:, m], noise[:, m], groups) for m in range(len(MODES))]
-        length_m, variance = np.array([c[0] for c in chosen]), np.array([c[1] for c in chosen])
-        weight = np.stack([c[2] for c in chosen], axis=1)
-        left_out = np.stack([c[3] for c in chosen], axis=1)
-        found = cls(contact_m, force_n, weight, length_m, variance, left_out)
+        chosen = [_process(contact_m, force_n, press, numbers[:, m], noise[:, m], groups) for m in range(len(MODES))]
+        length_m, variance, scatter = np.array([c[:3] for c in chosen]).T
+        weight, left_out = (np.stack([c[k] for c in chosen], axis=1) for k in (3, 4))
+        found = cls(contact_m, force_n, weight, length_m, variance, left_out, scatter)
         return found, _model_error(basis, residual, numbers, noise, left_out, len(place), table, contact_m, force_n)
 
     def at(self, contact_m: Array, force_n: Array) -> Array:
@@ -140,32 +153,40 @@ def process_covariance(a_m: Array, a_n: Array, b_m: Array, b_n: Array, length_m:
     return variance * near * (0.5 + 0.5 * forces)
 
 
-def evidences(contact_m: Array, force_n: Array, number: Array, noise: Array) -> list[tuple[float, float, float]]:
-    """Log likelihood of (N,) numbers known with variance ``noise`` (N,) for each length and variance of the process."""
+def evidences(
+    contact_m: Array, force_n: Array, press: NDArray[np.int64], number: Array, noise: Array
+) -> list[tuple[float, Process]]:
+    """Log likelihood of (N,) numbers known with variance ``noise`` (N,) under each process."""
     found = []
+    same = press[:, None] == press
     for length in LENGTHS_M:
         for variance in VARIANCES:
-            kernel = process_covariance(contact_m, force_n, contact_m, force_n, length, variance)
-            factor = cho_factor(kernel + np.diag(noise))
-            evidence = -0.5 * number @ cho_solve(factor, number) - np.log(np.diag(factor[0])).sum()
-            found.append((float(evidence), length, variance))
+            kernel = process_covariance(contact_m, force_n, contact_m, force_n, length, variance) + np.diag(noise)
+            for scatter in SCATTERS:
+                factor = cho_factor(kernel + scatter * same)
+                evidence = -0.5 * number @ cho_solve(factor, number) - np.log(np.diag(factor[0])).sum()
+                found.append((float(evidence), Process(length, variance, scatter)))
     return found
 
 
 def _process(
-    contact_m: Array, force_n: Array, number: Array, noise: Array, groups: list[NDArray[np.intp]]
-) -> tuple[float, float, Array, Array]:
-    """Length and variance of the largest likelihood, weights (N,), and each press's number (N,) without its place."""
-    _, length, variance = max(evidences(contact_m, force_n, number, noise))
-    inverse = np.linalg.inv(
-        process_covariance(contact_m, force_n, contact_m, force_n, length, variance) + np.diag(noise)
-    )
+    contact_m: Array,
+    force_n: Array,
+    press: NDArray[np.int64],
+    number: Array,
+    noise: Array,
+    groups: list[NDArray[np.intp]],
+) -> tuple[float, float, float, Array, Array]:
+    """The process of the largest likelihood, weights (N,), and each press's number (N,) without its place."""
+    _, best = max(evidences(contact_m, force_n, press, number, noise))
+    kernel = process_covariance(contact_m, force_n, contact_m, force_n, best.length_m, best.variance)
+    inverse = np.linalg.inv(kernel + best.scatter * (press[:, None] == press) + np.diag(noise))
     weight = inverse @ number
     without = number.copy()
     for rows in groups:
         # What the others say of a block, from the inverse alone (Rasmussen & Williams 2006, 5.4.2).
         without[rows] -= np.linalg.solve(inverse[np.ix_(rows, rows)], weight[rows])
-    return length, variance, weight, without
+    return *best, weight, without
 
 
 def _model_error(

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from omegaconf import DictConfig, OmegaConf
 
 from ertskin.calibration.ready import ready_calibration
+from ertskin.calibration.rest_slopes import rest_slopes_v
 from ertskin.data.discrepancy import Discrepancy
 from ertskin.data.grid import grid_m, spacing_m
 from ertskin.data.material import Material
@@ -50,7 +51,8 @@ def simulated(config: DictConfig) -> Material:
     real = rising(touches)
     changes_ohm = forward.change_ohm(real.history.contact_m, real.history.force_n)
     residual_v = real.readings_v.reshape(-1, *protocol.shape) - protocol.readings(changes_ohm)
-    noise = build_noise(Evidence(protocol, touches.rest_v, residual_v if len(real) > 1 else None))
+    slope_v = rest_slopes_v(protocol, forward.calibration, forward.resolution)
+    noise = build_noise(Evidence(protocol, touches.rest_v, residual_v if len(real) > 1 else None, slope_v))
     pairs = denoiser_pairs(touches_of(recording, rests=True), forward, len(taxel_m))
     material = Material(protocol, taxel_m, made.network, noise, checksum, joined([pairs, made.denoiser]))
     if config.data.discrepancy and config.model.denoiser is None and len(real):

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from omegaconf import DictConfig
 
 from ertskin.calibration.ready import ready_calibration
+from ertskin.calibration.rest_slopes import rest_slopes_v
 from ertskin.calibration.result import Calibration
 from ertskin.data.material import Material
 from ertskin.data.touch_model import TouchModel
@@ -19,7 +20,6 @@ from ertskin.models.monitor import SkinMonitor
 from ertskin.models.network import Network
 from ertskin.models.novelty import Novelty, limits_of, unexplained_of
 from ertskin.physics.calibration.following import FEWEST, RestingSkin
-from ertskin.physics.conduction.sheet import SheetModel
 from ertskin.physics.history import Phase
 from ertskin.physics.noise.measured import MeasuredNoise
 from ertskin.physics.protocol import Protocol
@@ -61,20 +61,6 @@ def resting_skin(
     whole = np.isfinite(rest_v).all(axis=1)
     slope_v = rest_slopes_v(protocol, calibration, resolution)
     return RestingSkin.learned(rest_v[whole], history.time_s[rest][whole], slope_v, noise_v)
-
-
-def rest_slopes_v(protocol: Protocol, calibration: Calibration, resolution: str) -> Array:
-    """(n,L+1) change of the resting skin's whitened coordinates by relative changes of each contact and of the sheet,
-    in volt; (n,0) where the recording told neither."""
-    sensor, contact_ohm = calibration.sensor, calibration.contact_resistance_ohm
-    if sensor is None or contact_ohm is None:
-        return np.zeros((protocol.factor.shape[0], 0))
-    model = SheetModel(sensor, resolution)
-    solution = model.solve(model.uniform(sensor.sheet_resistance_ohm_sq), contact_ohm)
-    by_contact = solution.jacobian_contact_resistance() * contact_ohm
-    # All resistances scale together: what the contacts don't do the sheet does (Euler).
-    by_sheet = solution.pair_resistance_ohm - by_contact.sum(axis=1)
-    return protocol.whitened(np.column_stack([by_contact, by_sheet]).T).T
 
 
 def _novelty(network: Network, material: Material, validation: Validation, touches: Touches, noise_v: float) -> Novelty:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from ertskin.data.informative_press import Accuracy, PressDesign, _Response, judged, likely, most_telling
-from ertskin.data.local_discrepancy import EXPECTED, evidences, modes, slopes
+from ertskin.data.local_discrepancy import EXPECTED, Process, evidences, modes, slopes
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "physics" / "touch"))
 from toy_skin import EXTENT_M, response, toy_table
@@ -19,11 +19,12 @@ PLACES = np.stack(np.meshgrid(np.linspace(0.01, 0.07, 4), np.linspace(0.01, 0.05
 WANTED = Accuracy(0.1, 5e-4)
 
 
-def pressed(places: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Places, forces and readings of presses on a skin that answers 8 % more on its right side."""
+def pressed(places: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Places, forces, numbers and readings of presses on a skin that answers 8 % more on its right side."""
     place, force = np.repeat(places, len(FORCES), axis=0), np.tile(FORCES, len(places))
     noise = np.random.default_rng(0).standard_normal((len(force), 42))
-    return place, force, response(place, force * (1.0 + place[:, 0])) + noise
+    press = np.repeat(np.arange(len(places)), len(FORCES))
+    return place, force, press, response(place, force * (1.0 + place[:, 0])) + noise
 
 
 @pytest.fixture(scope="module")
@@ -73,14 +74,16 @@ def test_the_whole_sheet_is_judged_up_to_the_largest_force() -> None:
 def test_one_place_leaves_every_length_possible_and_many_tell_it() -> None:
     rng = np.random.default_rng(2)
 
-    def told(place: np.ndarray) -> list[tuple[float, float, float]]:
+    def processes(place: np.ndarray) -> list[tuple[float, Process]]:
         number = 0.1 * np.sin(place[:, 0] / 0.016) + 1e-3 * rng.standard_normal(len(place))
-        return likely(evidences(place, np.full(len(place), 2.0), number, np.full(len(place), 1e-6)))
+        press, force = np.arange(len(place)), np.full(len(place), 2.0)
+        return likely(evidences(place, force, press, number, np.full(len(place), 1e-6)))
 
-    one, many = told(np.array([[0.04, 0.03]])), told(rng.uniform(EXTENT_M[0], EXTENT_M[1], (60, 2)))
-    assert len({length for _, length, _ in one}) == 5
-    assert sum(share for share, *_ in one) == pytest.approx(1.0)
-    (_, length, variance) = max(many)
-    assert length in (0.016, 0.032)
-    assert variance == pytest.approx(EXPECTED**2, rel=10)
-    assert max(share for share, *_ in many) > 0.5
+    one, many = processes(np.array([[0.04, 0.03]])), processes(rng.uniform(EXTENT_M[0], EXTENT_M[1], (60, 2)))
+    assert len({process.length_m for _, process in one}) == 5
+    assert sum(share for share, _ in one) == pytest.approx(1.0)
+    share, process = max(many)
+    assert process.length_m in (0.016, 0.032)
+    assert process.variance == pytest.approx(EXPECTED**2, rel=10)
+    assert process.scatter == 0.0
+    assert share > 0.5

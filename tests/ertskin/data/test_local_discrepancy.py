@@ -13,7 +13,7 @@ from ertskin.errors import UserError
 from ertskin.models.contacts import ContactsNetwork
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "physics" / "touch"))
-from toy_skin import EXTENT_M, FIELDS_M, WIDTH_M, toy_table
+from toy_skin import EXTENT_M, FIELDS_M, WIDTH_M, response, toy_table
 
 FORCES = np.array([0.6, 1.2, 2.0, 3.0, 4.0, 5.2])
 
@@ -32,11 +32,16 @@ def presses(columns: int, rows: int) -> tuple[np.ndarray, np.ndarray]:
     return np.repeat(place, len(FORCES), axis=0), np.tile(FORCES, len(place))
 
 
+def numbered(force: np.ndarray) -> np.ndarray:
+    """Which press each frame is of."""
+    return np.arange(len(force)) // len(FORCES)
+
+
 @pytest.fixture(scope="module")
 def fitted():
     table, (place, force) = toy_table(), presses(5, 4)
     seen = real(place, force) + np.random.default_rng(0).standard_normal((len(force), 42))
-    found, error = LocalDiscrepancy.fit(table, place, force, seen)
+    found, error = LocalDiscrepancy.fit(table, place, force, numbered(force), seen)
     return table, found, error, seen
 
 
@@ -82,9 +87,24 @@ def test_in_between_it_errs_by_about_as_much_as_it_says(fitted):
 
 def test_few_places_tell_no_error():
     table, (place, force) = toy_table(), presses(FEWEST - 1, 1)
-    _, error = LocalDiscrepancy.fit(table, place, force, real(place, force))
+    _, error = LocalDiscrepancy.fit(table, place, force, numbered(force), real(place, force))
     assert error.error[2] == pytest.approx(0.1)
     assert error.shape_spread == pytest.approx(np.full(3, 0.1))
+
+
+def test_what_differs_from_press_to_press_is_carried_nowhere():
+    table, (place, force) = toy_table(), presses(5, 4)
+    press, rng = numbered(force), np.random.default_rng(1)
+    landed = place + rng.normal(0.0, 1e-3, (press.max() + 1, 2))[press]
+    strength = np.exp(rng.normal(0.0, 0.1, press.max() + 1))[press]
+    seen = response(landed, force * strength) + rng.standard_normal((len(force), 42))
+    found, _ = LocalDiscrepancy.fit(table, place, force, press, seen)
+    assert np.sqrt(found.scatter[1:3]) == pytest.approx(0.2, rel=0.5)
+    one, _ = LocalDiscrepancy.fit(table, place, force, np.zeros_like(press), seen)
+    away = np.array([[0.05, 0.03]]), np.array([3.0])
+    assert np.abs(found.at(*away)[0, 1:3]).max() < 0.1
+    # Frames that are said to be of one press can't scatter: the same readings are then taken for the sheet's own.
+    assert np.abs(found.at(place, force)[:, 1:3]).mean() < 0.5 * np.abs(one.at(place, force)[:, 1:3]).mean()
 
 
 def test_a_network_with_errors_told_otherwise_is_refused():

@@ -58,6 +58,29 @@ def test_rest_frames_give_back_noise_drift_and_spikes():
     assert np.linalg.norm(found.drift_v, axis=1) == pytest.approx([0.5, 0.2], rel=0.35)
 
 
+def test_what_is_known_to_wander_is_measured_along_it():
+    rng = np.random.default_rng(8)
+    slope = rng.standard_normal((PAIRS, 9))
+    spread = np.array([0.3] * 4 + [0.1] * 4 + [0.0])
+    truth = MeasuredNoise(PROTOCOL, 2e-3, spread[:, None] * slope.T, 0.0, np.zeros(1))
+    rest = PROTOCOL.readings(np.full(PAIRS, 1e4)).ravel()
+    frames, others = ((rest + truth.readings(rng, count)).reshape(count, *PROTOCOL.shape) for count in (12, 400))
+    unseen = despiked(PROTOCOL, others)[0] - despiked(PROTOCOL, frames)[0].mean(axis=0)
+
+    def square(noise):
+        """Mean square of frames that the noise was not measured on, in its own units: 1 where it is right."""
+        whitened = np.linalg.solve(np.linalg.cholesky(noise.covariance_v2), unseen.T)
+        return np.median((whitened**2).mean(axis=0))
+
+    along = MeasuredNoise.from_rest(PROTOCOL, frames, slope)
+    size = np.linalg.norm(along.drift_v, axis=1) / np.linalg.norm(slope, axis=0)
+    assert size[:8] == pytest.approx(spread[:8], rel=0.6)
+    assert size[8] < 1e-3
+    assert square(along) == pytest.approx(1.0, abs=0.25)
+    # Directions taken from twelve frames are off by the noise in all the other numbers.
+    assert square(MeasuredNoise.from_rest(PROTOCOL, frames)) > 1.5
+
+
 def test_spikes_leave_the_reduction_as_good_as_white_noise():
     _, frames = rest_frames(np.random.default_rng(5), spike_rate=0.0)
     spiky = frames.copy()
