@@ -30,14 +30,21 @@ class MeasuredNoise:
 
     @classmethod
     def from_rest(
-        cls, protocol: Protocol, rest_v: Array, slope_v: Array | None = None, margin: float = 2.0
+        cls,
+        protocol: Protocol,
+        rest_v: Array,
+        slope_v: Array | None = None,
+        zero: Array | None = None,
+        margin: float = 2.0,
     ) -> MeasuredNoise:
         """From rest frames (T,K,M) in volt; fewer than three raise ``ValueError``.
 
         ``slope_v`` (P,m): by what is known to wander, as contacts and sheet. A direction found in few frames is off by
         the white noise in all the others, so what these explain is measured along them. Of what is left a direction
         counts as drift when its variance over the frames exceeds what white noise alone would show in the largest of
-        T-1 directions (Marchenko-Pastur edge) by ``margin``; the white part is taken off.
+        T-1 directions (Marchenko-Pastur edge) by ``margin``; the white part is taken off. ``zero`` (T,T): weights of
+        the others in the zero that each frame counts from, their mean where it isn't given; what they foretell of a
+        frame is no noise of its change.
         """
         if len(rest_v) < 3:
             raise ValueError(f"measured noise needs at least three rest frames, the recording has {len(rest_v)}")
@@ -47,7 +54,10 @@ class MeasuredNoise:
         flagged = left_out.reshape(len(rest_v), -1) & there
         std_v = _white_std(protocol, leftover[there & ~flagged], np.diff(coordinates, axis=0))
         rate = float(flagged.sum() / max(there.sum(), 1))
-        centred = coordinates - coordinates.mean(axis=0)
+        if zero is None:
+            zero = (1.0 - np.eye(len(rest_v))) / (len(rest_v) - 1)
+        # What a frame differs by from the mean of the others is larger than its own noise by that of the mean.
+        centred = (coordinates - zero @ coordinates) / np.sqrt(1.0 + (zero**2).sum(axis=1, keepdims=True))
         slope_v = np.zeros((coordinates.shape[1], 0)) if slope_v is None else slope_v
         known, left = _along(centred, slope_v, std_v)
         drift = np.concatenate([known, _drift(left, std_v, margin)])
@@ -91,7 +101,7 @@ def _along(centred: Array, slope_v: Array, std_v: float) -> tuple[Array, Array]:
     told = np.linalg.pinv(slope_v)
     change = centred @ told.T
     known = std_v**2 * np.einsum("mp,mp->m", told, told)
-    variance = (change**2).sum(axis=0) / (len(centred) - 1) - known
+    variance = (change**2).mean(axis=0) - known
     return np.sqrt(np.maximum(variance, 0.0))[:, None] * slope_v.T, centred - change @ slope_v.T
 
 
@@ -99,7 +109,7 @@ def _drift(centred: Array, std_v: float, margin: float) -> Array:
     """(D,P) drift directions times their standard deviations."""
     frames, pairs = centred.shape
     _, singular, directions = np.linalg.svd(centred, full_matrices=False)
-    variance = singular**2 / (frames - 1)
+    variance = singular**2 / frames
     white = std_v**2 * (1.0 + np.sqrt(pairs / (frames - 1))) ** 2
     kept = variance > margin * white
     level = std_v**2 * (1.0 + pairs / (frames - 1))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import hydra
@@ -52,9 +52,10 @@ def anywhere(config: DictConfig) -> Material:
     touches = None if recording.frames is None else touches_of(recording)
     forward, table, checksum = _tabulated(config, recording, plan, touches)
     slope_v = rest_slopes_v(forward.protocol, forward.calibration, forward.resolution)
-    noise = hydra.utils.instantiate(config.noise)(
-        Evidence(forward.protocol, None if touches is None else touches.rest_v, slope_v=slope_v)
-    )
+    evidence = Evidence(forward.protocol, slope_v=slope_v)
+    if touches is not None:
+        evidence = replace(evidence, rest_v=touches.rest_v, rest_zero=touches.rest_zero)
+    noise = hydra.utils.instantiate(config.noise)(evidence)
     whole = touch_model(forward.protocol, table, noise, touches, config.data.discrepancy)
     taxel_m = grid_m(config.grid, forward.calibration.known_sensor)
     contact_m, force_n = drawn(table, plan)

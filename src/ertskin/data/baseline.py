@@ -25,6 +25,14 @@ def rest_weights(history: History, coordinates_v: Array) -> Array:
     return _nearest(history.time_s, history.time_s[rest], window)
 
 
+def others_weights(rest_s: Array, rest_v: Array) -> Array:
+    """(R,R) weights of the other rest frames in the zero of each of the (R,P) taken at ``rest_s`` (R,), chosen as in
+    ``rest_weights``; of a single one all nought."""
+    if len(rest_s) < 2:
+        return np.zeros((len(rest_s), len(rest_s)))
+    return _nearest(rest_s, rest_s, min(_window(rest_s, rest_v), len(rest_s) - 1), itself=False)
+
+
 def _window(time_s: Array, rest_v: Array) -> int:
     """How many neighbours predict a rest frame best, from 1, 2, 4, … to all others."""
     others = len(rest_v) - 1

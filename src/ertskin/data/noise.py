@@ -17,13 +17,15 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Evidence:
-    """What noise can be modelled from: ``rest_v`` (T,K,M) rest frames, ``residual_v`` (N,K,M) real one-point changes
-    minus simulated ones, either None where the recording has none; ``slope_v`` (P,m): by what is known to wander."""
+    """What noise can be modelled from: ``rest_v`` (T,K,M) rest frames and ``rest_zero`` (T,T), weights of the others in
+    the zero of each, ``residual_v`` (N,K,M) real one-point changes minus simulated ones, either None where the
+    recording has none; ``slope_v`` (P,m): by what is known to wander."""
 
     protocol: Protocol
     rest_v: Array | None = None
     residual_v: Array | None = None
     slope_v: Array | None = None
+    rest_zero: Array | None = None
 
 
 def none(evidence: Evidence) -> Noise:
@@ -53,6 +55,6 @@ def measured(evidence: Evidence) -> MeasuredNoise:
     if evidence.rest_v is None:
         raise UserError("noise is measured on rest frames, the recording has none; try noise=white noise.std_v=0.002")
     try:
-        return MeasuredNoise.from_rest(evidence.protocol, evidence.rest_v, evidence.slope_v)
+        return MeasuredNoise.from_rest(evidence.protocol, evidence.rest_v, evidence.slope_v, evidence.rest_zero)
     except ValueError as error:
         raise UserError(f"{error}; try noise=white noise.std_v=0.002") from None

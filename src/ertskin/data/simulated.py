@@ -52,7 +52,8 @@ def simulated(config: DictConfig) -> Material:
     changes_ohm = forward.change_ohm(real.history.contact_m, real.history.force_n)
     residual_v = real.readings_v.reshape(-1, *protocol.shape) - protocol.readings(changes_ohm)
     slope_v = rest_slopes_v(protocol, forward.calibration, forward.resolution)
-    noise = build_noise(Evidence(protocol, touches.rest_v, residual_v if len(real) > 1 else None, slope_v))
+    residual = residual_v if len(real) > 1 else None
+    noise = build_noise(Evidence(protocol, touches.rest_v, residual, slope_v, touches.rest_zero))
     pairs = denoiser_pairs(touches_of(recording, rests=True), forward, len(taxel_m))
     material = Material(protocol, taxel_m, made.network, noise, checksum, joined([pairs, made.denoiser]))
     if config.data.discrepancy and config.model.denoiser is None and len(real):

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ertskin.data.baseline import rest_weights
+from ertskin.data.baseline import others_weights, rest_weights
 from ertskin.errors import UserError
 from ertskin.hardware.recording import Recording
 from ertskin.physics.calibration.following import RestingSkin, followed, surprises
@@ -24,7 +24,7 @@ class Touches:
 
     ``change_v`` (N,P): whitened coordinates of the change, spikes left out. ``readings_v`` (N,R): the raw change, as
     it was read, nought where no reading is taken. ``history``: the frames' contacts, depths and forces. ``rest_v``
-    (T,K,M): the rest frames as read. ``zero_variance`` (N,): of the zero that changes count from, in units of a frame's
+    (T,K,M): the rest frames as read; ``rest_zero`` (T,T): weights of the others in the zero of each. ``zero_variance`` (N,): of the zero that changes count from, in units of a frame's
     noise. Frames that have lost more readings than the others can tell are left out.
     """
 
@@ -33,6 +33,7 @@ class Touches:
     readings_v: NDArray[np.float32]
     history: History
     rest_v: Array
+    rest_zero: Array
     zero_variance: Array
 
     def __len__(self) -> int:
@@ -51,6 +52,7 @@ class Touches:
             self.readings_v[rows],
             self.history[rows],
             self.rest_v,
+            self.rest_zero,
             self.zero_variance[rows],
         )
 
@@ -89,7 +91,8 @@ def touches_of(recording: Recording, *, rests: bool = False) -> Touches:
     change = coordinates - weights @ coordinates[rest]
     raw = flat[touched] - weights[touched] @ flat[rest]
     variance = (weights[touched] ** 2).sum(axis=1)
-    return Touches(protocol, change[touched], raw.astype(np.float32), history[touched], voltage[rest], variance)
+    others = others_weights(history.time_s[rest], coordinates[rest])
+    return Touches(protocol, change[touched], raw.astype(np.float32), history[touched], voltage[rest], others, variance)
 
 
 def followed_touches(recording: Recording, skin: RestingSkin) -> tuple[Touches, Followed]:
@@ -113,7 +116,8 @@ def followed_touches(recording: Recording, skin: RestingSkin) -> tuple[Touches, 
     change = (coordinates[touched] - zero) / gain[:, None]
     raw = (flat[touched] - unexplained - zero @ protocol.orthonormal.T) / gain[:, None]
     variance = np.array([state.zero_variance for state in states])
-    touches = Touches(protocol, change, raw.astype(np.float32), history[touched], voltage[rest], variance)
+    others = others_weights(history.time_s[rest], coordinates[rest])
+    touches = Touches(protocol, change, raw.astype(np.float32), history[touched], voltage[rest], others, variance)
     return touches, _course(skin, coordinates[rest], history.time_s[rest])
 
 

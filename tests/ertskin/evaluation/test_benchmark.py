@@ -54,9 +54,8 @@ def touches(count: int, contacts: int, seed: int) -> Touches:
         frames * 1.0, frames, np.ones(count, np.uint8), trials.contact_m, 0 * trials.force_n, trials.force_n
     )
     raw_v = trials.readings_v(PROTOCOL) + 1.0  # marked, to be told from the coordinates
-    return Touches(
-        PROTOCOL, change_v, raw_v.astype(np.float32), history, np.zeros((1, *PROTOCOL.shape)), np.zeros(count)
-    )
+    rest_v = np.zeros((1, *PROTOCOL.shape))
+    return Touches(PROTOCOL, change_v, raw_v.astype(np.float32), history, rest_v, np.zeros((1, 1)), np.zeros(count))
 
 
 @pytest.fixture(scope="module")

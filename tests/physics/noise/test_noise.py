@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from ertskin.data.baseline import others_weights
 from ertskin.physics.noise import GaussianNoise, MeasuredNoise, NoNoise, WhiteNoise
 from ertskin.physics.protocol import Protocol, electrode_pairs
 from ertskin.physics.spikes import despiked
@@ -79,6 +80,24 @@ def test_what_is_known_to_wander_is_measured_along_it():
     assert square(along) == pytest.approx(1.0, abs=0.25)
     # Directions taken from twelve frames are off by the noise in all the other numbers.
     assert square(MeasuredNoise.from_rest(PROTOCOL, frames)) > 1.5
+
+
+def test_what_the_frames_before_and_after_foretell_is_no_noise():
+    rng = np.random.default_rng(3)
+    slope = rng.standard_normal((PAIRS, 2))
+    truth = MeasuredNoise(PROTOCOL, 2e-3, np.zeros((0, PAIRS)), 0.0, np.zeros(1))
+    walk = np.cumsum(0.05 * rng.standard_normal((60, 2)), axis=0) @ slope.T
+    rest = PROTOCOL.readings(np.full(PAIRS, 1e4)).ravel()
+    frames = (rest + truth.readings(rng, 60) + walk @ PROTOCOL.orthonormal.T).reshape(60, *PROTOCOL.shape)
+    coordinates, _ = despiked(PROTOCOL, frames)
+    near = others_weights(np.arange(60.0), coordinates)
+    assert (near > 0).sum(axis=1).max() == 2
+    size = [
+        np.linalg.norm(MeasuredNoise.from_rest(PROTOCOL, frames, slope, zero).drift_v, axis=1) for zero in (None, near)
+    ] / np.linalg.norm(slope, axis=0)
+    # A step of a walk from the mean of its neighbours: half the variance of one, over the zero's own part.
+    assert size[1] == pytest.approx(0.05 / np.sqrt(3.0), rel=0.4)
+    assert (size[0] > 2.0 * size[1]).all()
 
 
 def test_spikes_leave_the_reduction_as_good_as_white_noise():
