@@ -24,8 +24,9 @@ class Touches:
 
     ``change_v`` (N,P): whitened coordinates of the change, spikes left out. ``readings_v`` (N,R): the raw change, as
     it was read, nought where no reading is taken. ``history``: the frames' contacts, depths and forces. ``rest_v``
-    (T,K,M): the rest frames as read; ``rest_zero`` (T,T): weights of the others in the zero of each. ``zero_variance`` (N,): of the zero that changes count from, in units of a frame's
-    noise. Frames that have lost more readings than the others can tell are left out.
+    (T,K,M): the rest frames as read; ``rest_zero`` (T,T): weights of the others in the zero of each.
+    ``zero_variance`` (N,): of the zero that changes count from, in units of a frame's noise. Frames that have lost
+    more readings than the others can tell are left out.
     """
 
     protocol: Protocol
