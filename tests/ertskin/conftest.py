@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 import sys
 from pathlib import Path
@@ -15,10 +16,12 @@ TEST_CONF = Path(__file__).parent / "conf"
 
 @pytest.fixture(scope="session")
 def fresh_database(tmp_path_factory) -> Path:
-    """A folder with an empty MLflow database, which takes seconds to make."""
+    """A folder with an empty MLflow database, which takes seconds to make: once for all workers."""
     from ertskin.tracking.store import ensure_database
 
-    folder = tmp_path_factory.mktemp("fresh")
+    own = tmp_path_factory.getbasetemp()
+    folder = (own.parent if "PYTEST_XDIST_WORKER" in os.environ else own) / "fresh"
+    folder.mkdir(exist_ok=True)
     ensure_database(folder / "mlflow.db")
     return folder
 
