@@ -26,6 +26,8 @@ from ertskin.physics.sensor import taxel_grid_m
 sys.path.insert(0, str(Path(__file__).parents[2] / "hardware"))
 from example_recording import example
 
+pytestmark = pytest.mark.long
+
 WITHOUT_DASK = "Dask is an extra: pip install 'ertskin[cluster]'"
 
 

@@ -16,6 +16,8 @@ from ertskin.diagnosis.contract.claims import Claim, Diagnosis, Estimate, HeldOu
 from ertskin.diagnosis.output.diagnosis_file import write_diagnosis, write_effects
 from ertskin.physics.effects.sheet_inhomogeneity import SheetInhomogeneity
 
+pytestmark = pytest.mark.long
+
 SMALL = [
     "data=smoke",
     "data.plan.steps=30",

@@ -11,6 +11,8 @@ from small_bench import write_small_bench
 
 from ertskin import cli
 
+pytestmark = pytest.mark.long
+
 QUICK = [
     *("model=reciprocal", "model.network.width=16", "trainer.max_epochs=2", "trainer.accelerator=cpu"),
     *("data.plan.steps=4", "data.plan.trials=200", "data.plan.denoiser_trials=20", "data.plan.shard=50"),

@@ -31,6 +31,8 @@ from ertskin.tracking.store import open_store
 from ertskin.training.request import requested
 from ertskin.training.settings import trainer_settings
 
+pytestmark = pytest.mark.long
+
 TRACKING = TrackingSettings(Path("runs/mlflow.db"), Path("runs/artifacts"), "ertskin")
 PYTHON_PATH = os.pathsep.join([str(TEST_CONF.parent), *filter(None, [os.environ.get("PYTHONPATH")])])
 COMMON = ["--config-dir", str(TEST_CONF), "data=resistor_sheet", "recording=null", "trainer.accelerator=cpu"]

@@ -26,6 +26,8 @@ from ertskin.physics.history import History
 from ertskin.physics.protocol import Protocol
 from ertskin.physics.sensor import Sensor
 
+pytestmark = pytest.mark.long
+
 ELECTRODES, RADIUS_M, NOISE_V = 16, 0.1, 1e-4
 RESISTIVE_M, CONDUCTIVE_M, SIZE_M = np.array([-0.04, 0.02]), np.array([0.045, -0.01]), 0.025
 GRID = Hats(np.zeros(2), np.ones(2), 1.0)
