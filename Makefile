@@ -4,7 +4,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 TORCH := torch==2.13.0
 
-.PHONY: setup run test lint docs bench lock
+.PHONY: setup run test coverage lint docs bench lock
 
 setup: $(VENV)/.ready
 
@@ -21,6 +21,11 @@ run: setup
 
 test: setup
 	$(BIN)/python -m pytest --numprocesses logical --maxprocesses 4 --dist loadfile --no-loadscope-reorder
+
+# Lines of the diagnosis and of the instruments that their own tests run; what numba compiles and other processes run counts not.
+coverage: setup
+	$(BIN)/python -m pytest --numprocesses logical --maxprocesses 4 --dist loadfile \
+		--cov=src/ertskin/diagnosis --cov=hardware --cov-report=term tests/ertskin/diagnosis tests/hardware
 
 lint: setup
 	$(BIN)/ruff check .
