@@ -44,13 +44,12 @@ def main(arguments: list[str] | None = None) -> int:
     """Run one command; returns the exit status: 0, 1 (a job failed), 2 (a request can't be met) or 130 (Ctrl-C)."""
     arguments = sys.argv[1:] if arguments is None else arguments
     try:
-        return _dispatch(arguments)
+        status = _dispatch(arguments)
+        sys.stdout.flush()
+        return status
     except KeyboardInterrupt:
         print("ertskin: stopped", file=sys.stderr)
         return 130
-    except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 1
     except PastHydra as escaped:
         return _report(escaped.__cause__)
     except Exception as error:
@@ -183,6 +182,10 @@ def sweep_key(verb: str, arguments: list[str]) -> str:
 
 
 def _report(error: BaseException | None) -> int:
+    if isinstance(error, BrokenPipeError):
+        # Whoever read has read enough; what is left must not be flushed into the pipe at the end.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 1
     if os.environ.get("ERTSKIN_TRACEBACK"):
         traceback.print_exception(error)
     if isinstance(error, StepRefused):
