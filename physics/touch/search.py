@@ -66,7 +66,7 @@ class TouchPosterior:
     ``error`` (3,): further standard deviations of x, y (metre) and, as a share of the response, along its slope by
     force: where a press hardly changes it any more, that is much force. ``temperature``: by
     how much the log evidence is too sure. ``most``: contacts looked for at most. ``exchanges``: rounds in which
-    contacts that fit poorly are looked for anew; each may take a tenth of a second.
+    contacts that fit poorly are looked for anew; each may take a tenth of a second. ``widening``: of every covariance.
     """
 
     table: ResponseTable
@@ -77,6 +77,7 @@ class TouchPosterior:
     temperature: float = 1.0
     most: int = 4
     exchanges: int = EXCHANGES
+    widening: float = 1.0
 
     def __post_init__(self) -> None:
         grid = self.table.grid
@@ -117,6 +118,7 @@ class TouchPosterior:
         scale = np.ones((*touch.shape,))
         scale[..., 2] = touch[..., 2]
         covariance = covariance * scale[..., None] * scale[..., None, :] + extra[..., None] ** 2 * np.eye(3)
+        covariance *= self.widening
         there = np.cumsum(share[:, ::-1], axis=1)[:, ::-1][:, 1:]
         probability = np.where(known, there, np.nan)
         return Beliefs(touch[..., :2], touch[..., 2], covariance, probability, share, misfit)

@@ -61,7 +61,11 @@ def anywhere(config: DictConfig) -> Material:
     contact_m, force_n = drawn(table, plan)
     change_ohm = simulated_ohm(whole, forward.protocol, contact_m, force_n, plan.seed)
     maps_n = force_map_n(contact_m, force_n, taxel_m)
-    trials = TrialSet(change_ohm, maps_n, contact_m, force_n, touch=whole.strongest(int(config.data.components)))
+    model = whole.strongest(int(config.data.components))
+    if touches is not None and len(whole.unseen_v):
+        known = pressed(touches).history
+        model = model.widened(known.contact_m[:, 0], known.force_n[:, 0], FELT_N)
+    trials = TrialSet(change_ohm, maps_n, contact_m, force_n, touch=model)
     words = repr((checksum, asdict(plan), config.data.components)).encode() + whole.table.response.tobytes()
     return Material(forward.protocol, taxel_m, trials, noise, hashlib.sha256(words).hexdigest())
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import chi2
 
 from ertskin.physics.noise.directions import nearest_directions
 from ertskin.physics.touch.search import TouchPosterior
@@ -13,15 +14,19 @@ from ertskin.physics.touch.table import ResponseTable
 
 Array = NDArray[np.float64]
 
+STATED = 0.9
+"""Probability of the regions that are held to the presses left out."""
+
 
 @dataclass(frozen=True, eq=False)
 class ModelError:
     """What a response may err by, as ``TouchPosterior`` takes it: ``shape_spread`` (3,), and ``error`` (3,) of x, y
-    (metre) and along its slope by force, as a share of the response."""
+    (metre) and along its slope by force, as a share of the response; ``widening`` of the covariances all this gives."""
 
     shape_spread: Array
     remainder: float
     error: Array
+    widening: float = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,6 +58,19 @@ class TouchModel:
 
     def posterior(self, least_force_n: float) -> TouchPosterior:
         """Contacts of at least that force."""
+        error = self.error
         return TouchPosterior(
-            self.table, self.error.shape_spread, self.error.remainder, self.error.error, least_force_n
+            self.table, error.shape_spread, error.remainder, error.error, least_force_n, widening=error.widening
         )
+
+    def widened(self, contact_m: Array, force_n: Array, least_force_n: float) -> TouchModel:
+        """With covariances as wide as the presses it was corrected by, at (M,2) with (M,) newton, say: ``STATED`` of
+        the regions hold the press, each told by a response corrected without its place. Never narrower than before."""
+        real = np.column_stack([contact_m, force_n])
+        said = self.posterior(least_force_n).of(self.unseen_v @ self.matrix, real[:, None])
+        found = np.isfinite(said.force_n).sum(axis=1) == 1
+        error = np.column_stack([said.contact_m[:, 0], said.force_n[:, 0]]) - real
+        solved = np.linalg.solve(said.covariance[found, 0], error[found, :, None])[..., 0]
+        away = (error[found] * solved).sum(axis=1)
+        widening = float(np.quantile(away, STATED) / chi2.ppf(STATED, 3)) if found.any() else 1.0
+        return replace(self, error=replace(self.error, widening=max(1.0, self.error.widening * widening)))

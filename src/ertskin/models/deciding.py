@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 
 TABLE = ("x_m", "y_m", "force_n", "knots_x", "knots_y", "knots_n", "response", "cell_s", "read")
 INTERPLAY = ("center_m", "area_m2", "field", "green")
-SURE = ("shape_spread", "remainder", "error")
+SURE = ("shape_spread", "remainder", "error", "widening")
 
 
 def proposals(weight: Array, force_n: Array, place_m: Array, spacing_m: float, threshold: float, most: int) -> Array:
@@ -54,6 +54,7 @@ def posterior_of(held: dict[str, Any], least_force_n: float, most: int, **settin
         interplay=interplay,
         **{name: held[name] for name in TABLE[3:]},
     )
+    spread, remainder, error, widening = (held[name] for name in SURE)
     return TouchPosterior(
-        table, held["shape_spread"], float(held["remainder"]), held["error"], least_force_n, most=most, **settings
+        table, spread, float(remainder), error, least_force_n, most=most, widening=float(widening), **settings
     )

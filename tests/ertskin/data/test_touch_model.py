@@ -1,0 +1,49 @@
+"""Stated regions are held to the presses that the response was corrected by."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.stats import chi2
+
+from ertskin.data.touch_model import STATED, ModelError, TouchModel
+
+sys.path.insert(0, str(Path(__file__).parents[2] / "physics" / "touch"))
+from toy_skin import EXTENT_M, response, toy_table
+
+
+def presses(seed: int, count: int, off_m: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Places said, forces, and readings of presses that land ``off_m`` from where they are said to."""
+    rng = np.random.default_rng(seed)
+    place, force = rng.uniform(EXTENT_M[0] + 0.01, EXTENT_M[1] - 0.01, (count, 2)), rng.uniform(1.0, 5.0, count)
+    landed = place + rng.normal(0.0, off_m, place.shape)
+    return place, force, response(landed, force) + rng.standard_normal((count, 42))
+
+
+def model(seen: np.ndarray) -> TouchModel:
+    return TouchModel(toy_table(), np.eye(42), ModelError(np.zeros(3), 0.0, np.array([2e-4, 2e-4, 0.01])), seen)
+
+
+def held(one: TouchModel, place: np.ndarray, force: np.ndarray, seen: np.ndarray) -> float:
+    """Share of the stated regions that hold the press."""
+    said = one.posterior(0.1).of(seen, np.column_stack([place, force])[:, None])
+    error = np.column_stack([said.contact_m[:, 0], said.force_n[:, 0]]) - np.column_stack([place, force])
+    solved = np.linalg.solve(said.covariance[:, 0], error[..., None])[..., 0]
+    return float(np.mean((error * solved).sum(axis=1) <= chi2.ppf(STATED, 3)))
+
+
+def test_regions_grow_until_they_hold_presses_of_the_same_kind() -> None:
+    place, force, seen = presses(0, 200, 6e-4)
+    narrow = model(seen)
+    wide = narrow.widened(place, force, 0.1)
+    other = presses(1, 200, 6e-4)
+    assert held(narrow, *other) < 0.6
+    assert held(wide, *other) == pytest.approx(STATED, abs=0.05)
+
+
+def test_regions_never_shrink() -> None:
+    place, force, seen = presses(0, 100, 0.0)
+    assert model(seen).widened(place, force, 0.1).error.widening == 1.0
