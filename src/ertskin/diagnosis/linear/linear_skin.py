@@ -24,6 +24,7 @@ from ertskin.diagnosis.linear.patches import (
     followers,
     in_contact,
     main_directions,
+    main_forms,
     memory_frames,
     within,
 )
@@ -71,6 +72,17 @@ def _stacked(change: SheetState) -> Array:
     return np.vstack([np.expm1(change.log_size), change.stretch.T])
 
 
+def _on_sheet(skin: Skin) -> tuple[Effect, ...]:
+    """The effects on the sheet as a whole: what most parameters leave alone."""
+    return tuple(e for e in skin.effects if isinstance(e, SheetEffect))
+
+
+def _of_fabric(skin: Skin) -> tuple[object, ...]:
+    """What, under given pressures, a fabric's resistance over that at rest depends on."""
+    memories = tuple(e for e in skin.effects if isinstance(e, PiezoEffect))
+    return skin.piezo.coefficients.tobytes(), skin.piezo.max_stress_pa, memories
+
+
 class LinearSkin:
     """Whitened scans of a history for any calibration and effects near those of ``skin``.
 
@@ -96,6 +108,8 @@ class LinearSkin:
         self._pressures: dict[tuple[bytes, bytes], Array] = {}
         self._latest_relative: dict[int, tuple[object, Array]] = {}
         self._latest_field: dict[int, tuple[object, Array]] = {}
+        self._latest_change: dict[int, tuple[object, NDArray[np.float32]]] = {}
+        self._latest_broad: tuple[object, list[Array] | None] = (None, None)
         self._still: tuple[Skin, Array, Array] | None = None
         self._moving: tuple[Skin, Array, list[Array]] | None = None
         self._moved: tuple[tuple[object, ...], Array, list[Array]] | None = None
@@ -261,8 +275,8 @@ class LinearSkin:
         return position, np.linalg.solve((values @ values.T).toarray(), values.toarray())
 
     @cached_property
-    def sheet_derivatives(self) -> list[list[Array]]:
-        """Per patch, (3,P,H) derivatives at rest and (but for the resting patch) under the strongest press."""
+    def sheet_derivatives(self) -> tuple[NDArray[np.float32], list[NDArray[np.float32] | None]]:
+        """(P,3,H) derivatives at rest and, per patch, what the strongest press there adds to them; None at rest."""
         model = SheetModel(displaced(self.skin), COARSE)
         points = model.quadrature_m.reshape(-1, 2)
         elements = np.arange(len(model.weight_m2))
@@ -270,35 +284,43 @@ class LinearSkin:
         sheet_state = SheetState.of(self.skin, points)
         scale = np.exp(sheet_state.log_size) / self.skin.piezo.zero_ohm_sq
 
-        def derivative(relative: Array) -> Array:
+        def derivative(relative: Array) -> NDArray[np.float32]:
             conductance = (scale * relative).reshape(model.weight_m2.shape)
             solution = model.solve(sheet_state.shaped(conductance), self.skin.contact_resistance_ohm)
-            return sheet_sensitivity(solution, elements, hats, self._whitening, SHEET_TENSORS, scale * relative)
+            found = sheet_sensitivity(solution, elements, hats, self._whitening, SHEET_TENSORS, scale * relative)
+            return np.ascontiguousarray(found.transpose(1, 0, 2), dtype=np.float32)
 
-        def strongest(patch: Patch) -> Array:
+        def strongest(patch: Patch) -> NDArray[np.float32] | None:
             first = self.wanted[patch.rows[0]]
             spots = self._contact[first][in_contact(self._contact, self.force_n)[first]]
             if not len(spots):
-                return rest
+                return None
             close = np.flatnonzero(within(points, spots, self.skin.pressure.radius_m(TAIL)))
-            signal = np.array([np.abs(patch.states[k].relative - 1).sum() for k in patch.state_of])
-            row = self.wanted[patch.rows[int(signal.argmax())]]
+            row = self.wanted[patch.rows[int(patch.signal[patch.state_of].argmax())]]
             sheet = np.ones(len(points))
             past = patch.past_of(self.skin)
             mine = Past(past.frames, np.searchsorted(past.frames, [row]))
             sheet[close] = self._relative_at(self.skin, self.force_n, points[close], mine)[0]
-            return derivative(sheet)
+            return derivative(sheet) - rest
 
         rest = derivative(np.ones(len(points)))
-        return [[rest, top] for top in in_threads(strongest, self.patches)]
+        return rest, in_threads(strongest, self.patches)
 
-    def sheet_change(self, patch_number: int, change: Array) -> Array:
-        """(S,P,...) change of the scans of a patch's states for changes (3,H,...) of conductance and anisotropy on the
-        coarse grid."""
-        rest, top = (np.tensordot(d, change, ([0, 2], [0, 1])) for d in self.sheet_derivatives[patch_number])
-        signal = np.array([np.abs(s.relative - 1).sum() for s in self.patches[patch_number].states])
-        share = signal / signal.max() if signal.max() > 0 else np.zeros(len(signal))
-        return np.asarray(rest + np.multiply.outer(share, top - rest))
+    def sheet_changes(self, change: Array) -> list[Array]:
+        """Per patch, (S,P,...) change of the scans of its states for changes (3,H,...) of conductance and anisotropy on
+        the coarse grid."""
+        at_rest, under_press = self.sheet_derivatives
+        change = change.astype(np.float32)
+        even = np.tensordot(at_rest, change, 2)
+
+        def one(number: int) -> Array:
+            more, signal = under_press[number], self.patches[number].signal
+            if more is None or not signal.max() > 0:
+                return np.broadcast_to(even, (len(signal), *even.shape))
+            share = (signal / signal.max()).astype(np.float32)
+            return np.asarray(even + np.multiply.outer(share, np.tensordot(more, change, 2)))
+
+        return in_threads(one, range(len(self.patches)))
 
     # evaluating ----------------------------------------------------------------------------------------------------
 
@@ -367,25 +389,21 @@ class LinearSkin:
         result = np.empty((len(self.wanted), self.protocol.orthonormal.shape[1]))
         factor = skin.piezo.zero_ohm_sq / self.skin.piezo.zero_ohm_sq * self._drift(skin)
         contacts = self._contact_ohm(skin, force_n) / factor[:, None]
-        coarse = self._coarse_change(skin)
         moved = pad_shifts(skin) - pad_shifts(self.skin)
         self._settle_regime(skin, force_n)
         left = self._left_behind(skin, force_n)
-        if coarse is not None:
-            _ = self.sheet_derivatives  # found once, before the threads ask for them
+        broad = self._broad_change(skin)
 
         def one(number: int) -> None:
             patch = self.patches[number]
-            relative = self._relative_of(number, skin, force_n)
-            extra = self._field_of(number, skin)
-            broad = np.zeros(len(patch.states)) if coarse is None else self.sheet_change(number, coarse)
+            change = self._change_of(number, skin, force_n)
             for k, state in enumerate(patch.states):
                 mine = np.flatnonzero(patch.state_of == k)
                 rows = patch.rows[mine]
-                change = ((relative[mine] - state.relative) * extra).astype(np.float32) @ patch.directions
-                scan = state.scan + change @ state.local.T
+                scan = state.scan + change[mine] @ state.local.T
                 scan += (contacts[rows] - state.contact_ohm) @ state.contact.T
-                scan += broad[k]
+                if broad is not None:
+                    scan += broad[number][k]
                 if left is not None:
                     scan += left[rows]
                 if moved.any():
@@ -399,26 +417,38 @@ class LinearSkin:
         """What another skin's effects change of the untouched sheet at positions (N,2)."""
         return SheetState.of(skin, position_m).beyond(SheetState.of(self.skin, position_m))
 
-    def _coarse_change(self, skin: Skin) -> Array | None:
-        """(3,H) change of conductance and anisotropy on the coarse grid, None where there is none."""
-        position, onto = self._onto_hats
-        change = self._sheet_change(skin, position)
-        return _stacked(change) @ onto.T if change.differs else None
+    def _broad_change(self, skin: Skin) -> list[Array] | None:
+        """``sheet_changes`` by the effects on the sheet, remembered for the latest; None where they change nothing."""
+        key = _on_sheet(skin)
+        if self._latest_broad[0] != key:
+            position, onto = self._onto_hats
+            change = self._sheet_change(skin, position)
+            found = self.sheet_changes(_stacked(change) @ onto.T) if change.differs else None
+            self._latest_broad = key, found
+        return self._latest_broad[1]
 
     def _local_field(self, skin: Skin, patch: Patch) -> Array:
         return np.asarray(np.exp(self._sheet_change(skin, patch.grid_m).log_size))
 
     def _field_of(self, number: int, skin: Skin) -> Array:
         """``_local_field`` of a patch, remembered for the latest effects on the sheet: most parameters leave it."""
-        key = tuple(e for e in skin.effects if isinstance(e, SheetEffect))
+        key = _on_sheet(skin)
         if number not in self._latest_field or self._latest_field[number][0] != key:
             self._latest_field[number] = key, self._local_field(skin, self.patches[number])
         return self._latest_field[number][1]
 
+    def _change_of(self, number: int, skin: Skin, force_n: Array) -> NDArray[np.float32]:
+        """(m,R) change of the conductance from the states' in a patch's directions, remembered for the latest law,
+        memories and effects on the sheet under the pressures at hand."""
+        patch, key = self.patches[number], (_of_fabric(skin), _on_sheet(skin))
+        if number not in self._latest_change or self._latest_change[number][0] != key:
+            change = (self._relative_of(number, skin, force_n) - patch.about) * self._field_of(number, skin)
+            self._latest_change[number] = key, change.astype(np.float32) @ patch.directions
+        return self._latest_change[number][1]
+
     def _relative_of(self, number: int, skin: Skin, force_n: Array) -> Array:
         """``_relative`` of a patch, remembered for the latest law and memories under the pressures at hand."""
-        law = (skin.piezo.coefficients.tobytes(), skin.piezo.max_stress_pa)
-        key = (*law, tuple(e for e in skin.effects if isinstance(e, PiezoEffect)))
+        key = _of_fabric(skin)
         if number not in self._latest_relative or self._latest_relative[number][0] != key:
             self._latest_relative[number] = key, self._relative(skin, force_n, self.patches[number])
         return self._latest_relative[number][1]
@@ -451,7 +481,7 @@ class LinearSkin:
         placement = tuple(e for e in skin.effects if isinstance(e, PlacementEffect | FoamEffect))
         regime = (skin.pressure, placement, force_n)
         if not (self._regime[0] is regime[0] and self._regime[1] == placement and self._regime[2] is force_n):
-            self._regime, self._pressures, self._latest_relative = regime, {}, {}
+            self._regime, self._pressures, self._latest_relative, self._latest_change = regime, {}, {}, {}
 
     # derivatives by fields over the sheet ----------------------------------------------------------------------------
 
@@ -465,49 +495,53 @@ class LinearSkin:
         broad = self._broad_columns(skin, raised, by, fields)
         skew = motions(skin.effects)
         if not skew or self.protocol.injection_offset_s is None:
+            wide = None if broad is None else self.sheet_changes(broad)
             for number, patch in enumerate(self.patches):
                 local = self._raised_by(number, skin, raised, self.force_n) / by
-                yield patch.rows, self._columns_of(number, skin, local, fields, broad)
+                yield patch.rows, self._columns_of(number, skin, local, fields, wide)
             return
         moments, mixing = self.skew_mixing
         forces = self._moved_forces(skin, skew[0], self.force_n, moments)
         about = self._moments if self._moments else [self] * len(forces)
+        wides = [None if broad is None else linear.sheet_changes(broad) for linear in about]
         for number, patch in enumerate(self.patches):
             parts = []
-            for linear, force, mix in zip(about, forces, mixing, strict=True):
+            for linear, force, mix, wide in zip(about, forces, mixing, wides, strict=True):
                 local = linear._raised_by(number, skin, raised, force) / by
-                columns = linear._columns_of(number, skin, local, fields, broad)
+                columns = linear._columns_of(number, skin, local, fields, wide)
                 parts.append(np.tensordot(columns, mix.astype(np.float32), ([1], [1])))
             yield patch.rows, np.sum(parts, axis=0).transpose(0, 2, 1)
 
     def _raised_by(self, number: int, skin: Skin, raised: Skin, force_n: Array) -> Array:
         """(m,G) change of the relative conductance on a patch's grid from one skin to the other."""
         patch = self.patches[number]
-        about = np.reshape([state.relative for state in patch.states], (len(patch.states), -1))[patch.state_of]
         change = []
         for there in (skin, raised):
             self._settle_regime(there, force_n)
             relative = self._relative(there, force_n, patch)
-            change.append((relative - about) * self._local_field(there, patch))
+            change.append((relative - patch.about) * self._local_field(there, patch))
         return np.asarray(change[1] - change[0])
 
-    def _columns_of(self, number: int, skin: Skin, local: Array, fields: Fields, broad: Array | None) -> Array:
+    def _columns_of(self, number: int, skin: Skin, local: Array, fields: Fields, wide: list[Array] | None) -> Array:
         """(m,P,K) ``field_columns`` of a patch, every scan taken in an instant, from the derivative (m,G) of its
-        conductance by an even field, and those (3,H,K) on the coarse grid."""
+        conductance by an even field, and what the fields do on the coarse grid, (S,P,K) for each patch.
+
+        What a field does at the same place under other loads differs little: few of its forms are spread over fields.
+        """
         patch = self.patches[number]
         values = fields(patch.grid_m).astype(np.float32)
-        shape = self.protocol.orthonormal.shape[1], values.shape[1]
-        result = np.zeros((len(patch.rows), *shape), dtype=np.float32)
-        wide = None if broad is None else self.sheet_change(number, broad)
+        result = np.zeros((len(patch.rows), self.protocol.orthonormal.shape[1], values.shape[1]), dtype=np.float32)
+        share, form = main_forms(local)
+        along = np.array([patch.directions.T @ (one[:, None] * values) for one in form])
         for k, state in enumerate(patch.states):
             mine = np.flatnonzero(patch.state_of == k)
-            if local[mine].any():
-                by_place = local[mine, None, :].astype(np.float32) * (state.local @ patch.directions.T)
-                result[mine] = (by_place.reshape(-1, len(values)) @ values).reshape(-1, *shape)
+            if len(form):
+                result[mine] = state.local @ np.tensordot(share[mine], along, 1)
             if wide is not None:
-                result[mine] += wide[k]
+                result[mine] += wide[number][k]
         factor = skin.piezo.zero_ohm_sq / self.skin.piezo.zero_ohm_sq * self._drift(skin)[patch.rows]
-        return np.asarray(factor[:, None, None].astype(np.float32) * result)
+        result *= factor[:, None, None].astype(np.float32)
+        return result
 
     def _broad_columns(self, skin: Skin, raised: Skin, by: float, fields: Fields) -> Array | None:
         """(3,H,K) what each of K fields changes of conductance and anisotropy on the coarse grid; None for nothing."""

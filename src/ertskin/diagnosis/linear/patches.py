@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +16,8 @@ Indices = NDArray[np.intp]
 
 ALIKE = 0.05
 """States whose changes of conductance differ by less than this part share a solution."""
+NEGLIGIBLE = 1e-5
+"""Part of the largest singular value below which forms are left out of rows: single precision keeps little more."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,10 +62,20 @@ class Patch:
     state_of: Indices
     directions: NDArray[np.float32]
 
-    @property
+    @cached_property
     def grid_m(self) -> Array:
         """(G,2) nodes of the grid."""
         return self.hats.node_m[self.inside]
+
+    @cached_property
+    def about(self) -> Array:
+        """(m,G) relative conductance of each row's state."""
+        return np.reshape([state.relative for state in self.states], (len(self.states), -1))[self.state_of]
+
+    @cached_property
+    def signal(self) -> Array:
+        """(S,) how much each state changes of the conductance."""
+        return np.array([np.abs(state.relative - 1).sum() for state in self.states])
 
     def past_of(self, skin: Skin) -> Past:
         """The frames that a skin's effects remember."""
@@ -80,6 +93,13 @@ def main_directions(rows: NDArray[np.float32], rank: int) -> NDArray[np.float32]
     start = np.random.default_rng(0).standard_normal((len(rows), width)).astype(np.float32)
     found = np.linalg.qr(rows.T @ start)[0]
     return np.asarray(np.linalg.qr(rows.T @ (rows @ found))[0])
+
+
+def main_forms(rows: Array) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Shares (m,q) and forms (q,G) whose products are the rows (m,G), but for ``NEGLIGIBLE`` of the largest."""
+    share, size, form = np.linalg.svd(rows, full_matrices=False)
+    kept = size > NEGLIGIBLE * size.max(initial=0.0)
+    return (share[:, kept] * size[kept]).astype(np.float32), form[kept].astype(np.float32)
 
 
 def contact_groups(contact_m: Array, force_n: Array) -> list[Indices]:
