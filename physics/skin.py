@@ -123,15 +123,24 @@ class Skin:
 
     def pressure_pa(self, position_m: Array, contact_m: Array, force_n: Array) -> Array:
         """(T,N) interface pressure at points (N,2) under forces (T,P) at true positions (T,P,2); NaN: no contact."""
-        force_n = self.felt_n(force_n)
-        total = np.zeros((len(force_n), len(position_m)))
-        there = np.isfinite(contact_m).all(axis=-1) & (np.nan_to_num(force_n) > 0)
-        for spot in np.unique(contact_m[there], axis=0):
-            unit = self.pressure.at(position_m - spot)
-            share = np.where(there & (contact_m == spot).all(axis=-1), force_n, 0.0).sum(axis=1)
-            pressed = np.flatnonzero(share)
-            total[pressed] += share[pressed, None] * unit
-        return total
+        spots, share_n = self._spots(contact_m, force_n)
+        unit = [self.pressure.at(position_m - spot) for spot in spots]
+        return np.asarray(share_n @ np.reshape(unit, (len(spots), len(position_m))))
+
+    def pad_pressure_pa(self, contact_m: Array, force_n: Array) -> Array:
+        """(T,L) mean pressure on the electrodes, as of ``pressure_pa``."""
+        spots, share_n = self._spots(contact_m, force_n)
+        unit = [self.pressure.at(self.pad_sample_m - spot).mean(axis=1) for spot in spots]
+        return np.asarray(share_n @ np.reshape(unit, (len(spots), len(self.pad_sample_m))))
+
+    def _spots(self, contact_m: Array, force_n: Array) -> tuple[Array, Array]:
+        """Places (S,2) that are pressed, and the force (T,S) in newton that the sheet feels at each."""
+        felt_n = self.felt_n(force_n)
+        there = np.isfinite(contact_m).all(axis=-1) & (np.nan_to_num(felt_n) > 0)
+        spots, number = np.unique(contact_m[there], axis=0, return_inverse=True)
+        share_n = np.zeros((len(felt_n), len(spots)))
+        np.add.at(share_n, (np.nonzero(there)[0], number.ravel()), felt_n[there])
+        return spots, share_n
 
     # piezoresistance -----------------------------------------------------------------------------------------------
 
@@ -187,11 +196,7 @@ class Skin:
         wanted = np.arange(len(history)) if wanted is None else wanted
         forces = self.known_force_n(history) if force_n is None else force_n
         contact = self.contact_m(history.contact_m)
-        pads = self.pad_sample_m
-        on_pads = (
-            self.pressure_pa(pads.reshape(-1, 2), contact, forces).reshape(len(history), len(pads), -1).mean(axis=2)
-        )
-        contacts = self.contact_resistances_ohm(history.time_s, on_pads)
+        contacts = self.contact_resistances_ohm(history.time_s, self.pad_pressure_pa(contact, forces))
         drift = self.drift(history.time_s)
         resting = self.resting_conductance_s
         left = self._left_behind(history.time_s, contact, forces, wanted)

@@ -117,6 +117,21 @@ class Fronts:
         """Eliminate the sheet's nodes of the matrix with these entries; ``LinAlgError`` if not positive definite."""
         return self._eliminate(value, np.ones(len(self.pivots), dtype=bool), None)
 
+    def holding(self, nodes: Indices) -> Flags:
+        """(S,) the fronts in which some of the sheet's nodes are eliminated, and those above: what a pass back needs to
+        come to these nodes."""
+        flags = np.zeros(len(self.pivots), dtype=bool)
+        _mark(flags, nodes, self._eliminated_in, self.parent)
+        return flags
+
+    @cached_property
+    def _eliminated_in(self) -> Indices:
+        """(N,) the front that eliminates each of the sheet's nodes."""
+        found = np.empty(self.unknowns, dtype=np.intp)
+        for k, count in enumerate(self.pivots):
+            found[self.node[self.node_start[k] : self.node_start[k] + count]] = k
+        return found
+
     def affected(self, entries: Indices) -> Flags:
         """(S,) the fronts that changes of these entries reach."""
         dirty = np.zeros(len(self.pivots), dtype=bool)
@@ -167,12 +182,13 @@ class FrontalFactor:
         root = self.work[self.offset[-2] : self.offset[-1]].reshape(size, size)[pivots:, pivots:]
         return np.triu(root) + np.triu(root, 1).T
 
-    def potentials(self) -> Array:
-        """(N,L) potentials in the sheet for unit potential on each electrode in turn."""
+    def potentials(self, asked: Flags | None = None) -> Array:
+        """(N,L) potentials in the sheet for unit potential on each electrode in turn; nought outside the fronts
+        ``asked`` (S,), of which those above are some too."""
         electrodes = self.fronts.electrodes
         solved = np.zeros((self.fronts.unknowns + electrodes, electrodes))
         solved[self.fronts.unknowns :] = np.eye(electrodes)
-        return self._back(solved)
+        return self._back(solved, asked)
 
     def solve(self, right: Array) -> Array:
         """(N,k) potentials for currents (N,k) into the sheet's nodes, every electrode at zero."""
@@ -181,8 +197,10 @@ class FrontalFactor:
         solved[self.fronts.unknowns :] = 0.0
         return self._back(solved)
 
-    def _back(self, solved: Array) -> Array:
-        _substitute_back(solved, *self._stored, self.fronts.node, self.fronts.node_start, self.fronts.pivots)
+    def _back(self, solved: Array, asked: Flags | None = None) -> Array:
+        which = np.arange(len(self.fronts.pivots)) if asked is None else np.flatnonzero(asked)
+        fronts = self.fronts
+        _substitute_back(solved, which[::-1], *self._stored, fronts.node, fronts.node_start, fronts.pivots)
         return solved[: self.fronts.unknowns]
 
     @property
@@ -318,10 +336,10 @@ def _substitute(solved, dirty, work, offset, below, below_offset, node, node_sta
 
 
 @njit(cache=True, nogil=True, fastmath={"contract"})
-def _substitute_back(solved, dirty, work, offset, below, below_offset, node, node_start, pivots):  # type: ignore[no-untyped-def]
-    """Back substitution in place, from the root down."""
+def _substitute_back(solved, which, dirty, work, offset, below, below_offset, node, node_start, pivots):  # type: ignore[no-untyped-def]
+    """Back substitution in place in some fronts, from the root down."""
     columns = solved.shape[1]
-    for f in range(len(pivots) - 1, -1, -1):
+    for f in which:
         size = node_start[f + 1] - node_start[f]
         start = offset[f] if dirty[f] else below_offset[f]
         source = work if dirty[f] else below

@@ -12,7 +12,7 @@ mean-free currents is the transfer matrix.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -179,6 +179,15 @@ class SheetModel:
         factor = self.fronts.refactor(value, dirty, base.factor)
         return Solution(self, conductivity_s, base.contact_resistance_ohm, value, factor, base, elements)
 
+    def asked_at(self, elements: Indices) -> NDArray[np.bool_]:
+        """The fronts to pass back through for potentials in some elements and on the electrodes; see
+        ``Solution.confined``."""
+        return self.fronts.holding(np.concatenate([self.space.element[elements].ravel(), self._touched]))
+
+    @cached_property
+    def _touched(self) -> Indices:
+        return np.concatenate([contact.nodes for contact in self.contacts])
+
     def _checked(self, conductivity_s: Array) -> Array:
         conductivity = np.asarray(conductivity_s, dtype=float)
         scalar = self.weight_m2.shape
@@ -209,6 +218,7 @@ class Solution:
 
     ``entries``: the matrix's entries; ``factor``: what was eliminated. A solution in part has an ``origin``, whose
     conductivity, entries and fronts hold where nothing changed; ``given_s`` is then the conductivity of ``elements``.
+    Where fronts are ``asked`` for, the potential is nought elsewhere.
     """
 
     model: SheetModel
@@ -218,6 +228,7 @@ class Solution:
     factor: FrontalFactor
     origin: Solution | None = None
     elements: Indices | None = None
+    asked: NDArray[np.bool_] | None = None
 
     @cached_property
     def conductivity_s(self) -> Array:
@@ -241,7 +252,11 @@ class Solution:
     @cached_property
     def potential(self) -> Array:
         """(N,L) potential in the sheet for one volt on one electrode and none on the others, dimensionless."""
-        return self.factor.potentials()
+        return self.factor.potentials(self.asked)
+
+    def confined(self, asked: NDArray[np.bool_]) -> Solution:
+        """The same with potentials in the fronts ``asked`` alone (``SheetModel.asked_at``): less than half the work."""
+        return replace(self, asked=asked)
 
     @cached_property
     def pair_resistance_ohm(self) -> Array:

@@ -7,7 +7,7 @@ Local order of the nodes: three corners, then those along the sides (0,1), (1,2)
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from itertools import product
 
 import numpy as np
@@ -133,14 +133,27 @@ class Space:
 
         Raises ``KeyError`` where a pair of points is no edge of the mesh.
         """
+        code, first, between = self._sides
+        wanted = _side_codes(edge)
+        at = np.minimum(np.searchsorted(code, wanted), len(code) - 1)
+        if not np.array_equal(code[at], wanted):
+            raise KeyError("a pair of points is no edge of the mesh")
+        part = np.where((first[at] == edge[:, 0])[:, None], between[at], between[at][:, ::-1])
+        return np.concatenate([edge, part], axis=1)
+
+    @cached_property
+    def _sides(self) -> tuple[Indices, Indices, Indices]:
+        """Codes (S,) of the mesh's edges, ascending, the point (S,) that each begins with and the nodes between."""
         between = self.degree - 1
-        found: dict[tuple[int, int], Indices] = {}
-        for k, (a, b) in enumerate(SIDES):
-            nodes = self.element[:, 3 + k * between : 3 + (k + 1) * between]
-            for first, second, part in zip(self.element[:, a], self.element[:, b], nodes, strict=True):
-                found[int(first), int(second)] = part
-                found[int(second), int(first)] = part[::-1]
-        return np.array([[a, b, *found[int(a), int(b)]] for a, b in edge], dtype=np.intp).reshape(len(edge), -1)
+        ends = self.element[:, SIDES].reshape(-1, 2)
+        nodes = self.element[:, 3 : 3 + 3 * between].reshape(-1, between)
+        code, one = np.unique(_side_codes(ends), return_index=True)
+        return code, ends[one, 0], nodes[one]
+
+
+def _side_codes(ends: Indices) -> Indices:
+    """(n,) a number for each pair of points (n,2), whichever comes first."""
+    return np.asarray((ends.max(axis=1).astype(np.int64) << 32) + ends.min(axis=1))
 
 
 def _numbered(triangle: Indices, degree: int) -> Indices:

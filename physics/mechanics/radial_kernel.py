@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
@@ -48,7 +49,15 @@ class RadialKernel:
         return self._interpolate(self.slope, squared_m2)
 
     def _interpolate(self, table: Array, squared_m2: Array) -> Array:
-        position = np.minimum(np.multiply(squared_m2, (_ENTRIES - 1) / self.radius_m**2), float(_ENTRIES))
-        entry = position.astype(np.int32)
-        left = table[entry]
-        return left + (position - entry) * (table[entry + 1] - left)
+        squared = np.asarray(squared_m2, dtype=float)
+        return np.asarray(_looked_up(table, squared.ravel(), (_ENTRIES - 1) / self.radius_m**2)).reshape(squared.shape)
+
+
+@njit(cache=True, nogil=True)
+def _looked_up(table, squared, per_entry):  # type: ignore[no-untyped-def]
+    found = np.empty_like(squared)
+    for n in range(len(squared)):
+        position = min(squared[n] * per_entry, float(_ENTRIES))
+        entry = int(position)
+        found[n] = table[entry] + (position - entry) * (table[entry + 1] - table[entry])
+    return found

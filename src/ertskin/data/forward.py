@@ -115,6 +115,4 @@ class PressForward:
         return any(isinstance(effect, ElectrodeEffect) for effect in self.skin.effects)
 
     def _contacts_ohm(self, place_m: Array, force_n: Array) -> Array:
-        pads = self.skin.pad_sample_m
-        on_pads = self.skin.pressure_pa(pads.reshape(-1, 2), place_m, force_n).reshape(1, len(pads), -1).mean(axis=2)
-        return self.skin.contact_resistances_ohm(np.zeros(1), on_pads)[0]
+        return self.skin.contact_resistances_ohm(np.zeros(1), self.skin.pad_pressure_pa(place_m, force_n))[0]

@@ -264,8 +264,12 @@ class VoltageProblem:
         known = self._known_columns(layout)
         if known is not None:
             columns[..., : layout.calibration], specimen_columns[:, : layout.calibration] = known
-        first = [] if known is not None else [0, *range(1 + electrodes, layout.calibration)]
-        for k in (*first, *layout.parameters):
+        else:
+            law = [0, *range(layout.ratio + 1, layout.calibration)]
+            columns[..., law] = self._law_columns(skin)
+            self._fill_specimen(layout, x, law, specimen, specimen_columns)
+        # Another ratio of moduli is another field of pressure, which the next fit begins with: it comes last.
+        for k in (*layout.parameters, *([layout.ratio] if known is None else [])):
             step = layout.step(k, x)
             moved = x.copy()
             moved[k] += step
@@ -280,6 +284,25 @@ class VoltageProblem:
         if leftover is not None:
             self._add_leftover(quadratic, leftover, np.array(instrument, dtype=np.intp), leftover_columns)
         return quadratic
+
+    def _law_columns(self, skin: Skin) -> Array:
+        """(T,P,1+SHAPE) the scans' derivatives by the law, in units of the noise."""
+        found = self.linear.law_columns(skin, SHAPE)
+        through = self.acquisition.on_columns(skin)
+        if through is not None:
+            found = np.einsum("pq,tqk->tpk", through, found, optimize=True)
+        found = np.where(self.weight[:, None, None] > 0, found / self.evidence.noise_v, 0.0)
+        return self.evidence.discounted(found)
+
+    def _fill_specimen(self, layout: _Layout, x: Array, which: Sequence[int], here: Array, columns: Array) -> None:
+        """The specimen's columns (S,n) by the numbers ``which``, about its residuals ``here`` (S,)."""
+        if self.specimen is None:
+            return
+        for k in which:
+            moved = x.copy()
+            moved[k] += layout.step(k, x)
+            there = self.specimen.residual(self._skin(layout, moved))
+            columns[:, k] = (here - there) / layout.step(k, x)
 
     def _fill_fields(self, layout: _Layout, skin: Skin, columns: NDArray[np.float32]) -> None:
         """The columns (T,P,n) of smooth fields, by their modes."""

@@ -13,9 +13,10 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_array
+from scipy.sparse import csc_array, sparray
 
 from ertskin.cores import in_threads
+from ertskin.diagnosis.linear.law_derivatives import conductance_by_law
 from ertskin.diagnosis.linear.patches import (
     Past,
     Patch,
@@ -33,6 +34,7 @@ from ertskin.diagnosis.linear.sheet_state import SheetState, displaced, pad_shif
 from ertskin.physics.conduction.mesh import Grading
 from ertskin.physics.conduction.sheet import Resolution, SheetModel, Solution
 from ertskin.physics.effects.effect import Effect, FoamEffect, MotionEffect, PiezoEffect, PlacementEffect, SheetEffect
+from ertskin.physics.effects.piezo_chain import felt
 from ertskin.physics.history import History
 from ertskin.physics.skin import SKEW_NODES, TAIL, Skin, frames_since, lagrange_weights
 
@@ -141,16 +143,16 @@ class LinearSkin:
         """(E*Q,) size in siemens of the untouched sheet's conductance."""
         return np.asarray(np.exp(self._sheet.log_size) / self.skin.piezo.zero_ohm_sq)
 
-    def _by_size(self, solution: Solution, elements: Indices, hats: csr_array, points: Indices) -> Array:
+    def _by_size(self, solution: Solution, elements: Indices, hats: sparray, points: Indices) -> NDArray[np.float32]:
         """(P,G) derivatives of a solution's scan by the relative size of the conductance, hats (G,n) at points (n,)."""
         tensor, scale = self._sheet.tensor, self._scale_s[points]
-        if np.ptp(tensor, axis=0).max() == 0:
+        if self._sheet.even_tensor:
             return sheet_sensitivity(solution, elements, hats, self._whitening, tensor[:1], scale)[0]
         parts = [
             sheet_sensitivity(solution, elements, hats, self._whitening, unit[None], scale * part)[0]
             for unit, part in zip(np.eye(3), tensor[points].T, strict=True)
         ]
-        return np.sum(parts, axis=0)
+        return np.sum(parts, axis=0, dtype=np.float32)
 
     def _build(self, progress: Progress) -> list[Patch]:
         groups = contact_groups(self._contact[self.wanted], self.force_n[self.wanted])
@@ -193,35 +195,36 @@ class LinearSkin:
         before = patch.past_of(self.skin)
         led = Past(before.frames, before.own[leaders])
         pressed = self._relative_at(self.skin, self.force_n, self._points[close], led)
+        asked = self.skin.sheet.asked_at(elements)
+        columns = hats.values(self._points[points])[inside].tocsc()
         states = [
-            self._state(patch, elements, relative[k], contacts[k], close, values)
+            self._state(
+                self._pressed(close, values, contacts[k]).confined(asked), elements, points, columns, relative[k]
+            )
             for k, values in zip(leaders, pressed, strict=True)
         ]
         directions = main_directions(np.concatenate([state.local for state in states]), RANK)
         states = [replace(state, local=state.local @ directions) for state in states]
         return replace(patch, states=states, state_of=state_of, directions=directions)
 
-    def _state(
-        self, patch: Patch, elements: Indices, relative: Array, contact_ohm: Array, close: Indices, pressed: Array
-    ) -> State:
-        """The solution for contact resistances (L,) and relative conductance ``pressed`` at the points ``close``.
-
-        ``relative`` (G,) is the same on the patch's grid.
-        """
+    def _pressed(self, close: Indices, relative: Array, contact_ohm: Array) -> Solution:
+        """The solution for ``relative`` conductances (n,) at the points ``close`` and contact resistances (L,), those
+        at rest unless they differ much."""
         sheet = self._rest_relative.copy()
-        sheet[close] = pressed
-        per = self.skin.sheet.weight_m2.shape[1]
-        points = (elements[:, None] * per + np.arange(per)).ravel()
-        unmoved = np.abs(contact_ohm / self.skin.contact_resistance_ohm - 1).max() < NEAR_CONTACTS
-        used = self.skin.contact_resistance_ohm if unmoved else contact_ohm
-        solution = self._solve(sheet, used, self._rest if unmoved else None)
-        hats = patch.hats.values(self._points[points])[patch.inside]
-        local = self._by_size(solution, elements, hats, points)
+        sheet[close] = relative
+        usual_ohm = self.skin.contact_resistance_ohm
+        if np.abs(contact_ohm / usual_ohm - 1).max() < NEAR_CONTACTS:
+            return self._solve(sheet, usual_ohm, self._rest)
+        return self._solve(sheet, contact_ohm)
+
+    def _state(self, solution: Solution, elements: Indices, points: Indices, hats: csc_array, relative: Array) -> State:
+        """A solution's scan and derivatives, by the conductance in the elements, whose points are ``points``, on the
+        patch's grid with its ``hats`` (G,n); ``relative`` (G,) the conductance there."""
         return State(
             self.protocol.whitened(solution.pair_resistance_ohm),
             relative,
-            used,
-            local.astype(np.float32),
+            solution.contact_resistance_ohm,
+            self._by_size(solution, elements, hats, points),
             self.protocol.whitened(solution.jacobian_contact_resistance().T).T,
             self._rims.sensitivity(solution, self.protocol),
         )
@@ -288,7 +291,7 @@ class LinearSkin:
             conductance = (scale * relative).reshape(model.weight_m2.shape)
             solution = model.solve(sheet_state.shaped(conductance), self.skin.contact_resistance_ohm)
             found = sheet_sensitivity(solution, elements, hats, self._whitening, SHEET_TENSORS, scale * relative)
-            return np.ascontiguousarray(found.transpose(1, 0, 2), dtype=np.float32)
+            return np.ascontiguousarray(found.transpose(1, 0, 2))
 
         def strongest(patch: Patch) -> NDArray[np.float32] | None:
             first = self.wanted[patch.rows[0]]
@@ -412,6 +415,67 @@ class LinearSkin:
 
         in_threads(one, range(len(self.patches)))
         return result
+
+    # derivatives by the calibration ----------------------------------------------------------------------------------
+
+    def law_columns(self, skin: Skin, count: int) -> Array:
+        """(n,P,1+count) derivatives of the scans by the logarithm of the sheet's resistance and by the law's Chebyshev
+        coefficients from 1 to ``count``, its value at zero stress kept."""
+        skew = motions(skin.effects)
+        if not skew or self.protocol.injection_offset_s is None:
+            return self._still_law_columns(skin, self.force_n, count)
+        moments, mixing = self.skew_mixing
+        forces = self._moved_forces(skin, skew[0], self.force_n, moments)
+        about = self._moments if self._moments else [self] * len(forces)
+        parts = (
+            np.einsum("pq,nqk->npk", mix, linear._still_law_columns(skin, force, count), optimize=True)
+            for linear, force, mix in zip(about, forces, mixing, strict=True)
+        )
+        return np.asarray(sum(parts))
+
+    def _still_law_columns(self, skin: Skin, force_n: Array, count: int) -> Array:
+        result = np.zeros((len(self.wanted), self.protocol.orthonormal.shape[1], 1 + count))
+        contacts = self._contact_ohm(skin, force_n)
+        factor = skin.piezo.zero_ohm_sq / self.skin.piezo.zero_ohm_sq * self._drift(skin)
+        result[..., 0] = self.still_scans(skin, force_n)
+        left = self._left_behind_by_law(skin, force_n, count)
+
+        def one(number: int) -> None:
+            patch = self.patches[number]
+            change = self._relative_by_law(skin, force_n, patch, count)
+            by_law = (change * self._field_of(number, skin).astype(np.float32)) @ patch.directions
+            for k, state in enumerate(patch.states):
+                mine = np.flatnonzero(patch.state_of == k)
+                rows = patch.rows[mine]
+                # Contacts that stay as they are, in ohm, are less against a sheet of more resistance.
+                result[rows, :, 0] -= contacts[rows] @ state.contact.T
+                result[rows, :, 1:] = (by_law[mine] @ state.local.T).transpose(0, 2, 1)
+
+        in_threads(one, range(len(self.patches)))
+        if left is not None:
+            result[..., 1:] += left
+        result[..., 1:] *= factor[:, None, None]
+        return result
+
+    def _relative_by_law(self, skin: Skin, force_n: Array, patch: Patch, count: int) -> NDArray[np.float32]:
+        """(m,count,G) derivatives of ``_relative`` by the law's coefficients."""
+        past, position_m = patch.past_of(skin), patch.grid_m
+        pressure = self._pressure(skin, force_n, position_m, past.frames)
+        time_s, extent_m = self.history.time_s[past.frames], skin.sensor.extent_m
+        return conductance_by_law(
+            skin.piezo, *felt(skin.effects, pressure, position_m, time_s, extent_m, past.own), count
+        )
+
+    def _left_behind_by_law(self, skin: Skin, force_n: Array, count: int) -> Array | None:
+        """(n,P,count) derivatives of ``_left_behind`` by the law's coefficients."""
+        if not skin.remembers_air:
+            return None
+        nodes, columns, own = self._everywhere
+        pressure = self._pressure(skin, force_n, nodes, np.arange(len(force_n)))
+        answers = felt(skin.effects, pressure, nodes, self.history.time_s, skin.sensor.extent_m, self.wanted)
+        weight = np.where(own, 0.0, np.exp(-self._sheet_change(skin, nodes).log_size))
+        change = conductance_by_law(skin.piezo, *answers, count) * weight[:, None, :]
+        return np.asarray((change @ columns.T).transpose(0, 2, 1))
 
     def _sheet_change(self, skin: Skin, position_m: Array) -> SheetState:
         """What another skin's effects change of the untouched sheet at positions (N,2)."""
@@ -557,10 +621,8 @@ class LinearSkin:
         return self._contact_ohm(skin, self.force_n)
 
     def _contact_ohm(self, skin: Skin, force_n: Array) -> Array:
-        pads = skin.pad_sample_m
-        on_pads = self._pressure(skin, force_n, pads.reshape(-1, 2), np.arange(len(force_n)))
-        mean_pa = on_pads.reshape(len(force_n), len(pads), -1).mean(axis=2)
-        return skin.contact_resistances_ohm(self.history.time_s, mean_pa)[self.wanted]
+        on_pads = skin.pad_pressure_pa(skin.contact_m(self.history.contact_m), force_n)
+        return skin.contact_resistances_ohm(self.history.time_s, on_pads)[self.wanted]
 
     def _drift(self, skin: Skin) -> Array:
         return skin.drift(self.history.time_s)[self.wanted]

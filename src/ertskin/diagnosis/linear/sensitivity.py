@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_array
+from scipy.sparse import csr_array, sparray
 
 from ertskin.physics.conduction.field_products import gathered_products
 from ertskin.physics.conduction.sheet import SheetModel, Solution
@@ -58,18 +58,18 @@ def whitening_of_transfer(protocol: Protocol) -> Array:
 
 
 def sheet_sensitivity(
-    solution: Solution, elements: Indices, hats: csr_array, whitening: Array, tensors: Array, scale: Array
-) -> Array:
+    solution: Solution, elements: Indices, hats: sparray, whitening: Array, tensors: Array, scale: Array
+) -> NDArray[np.float32]:
     """(C, P, G) change of the whitened scan in volt for a conductance change hat_g(x) scale(x) A_c, A_c in ``tensors``.
 
     ``hats`` (G, n) at the elements' quadrature points (n = E*Q), ``scale`` (n,) in siemens, ``tensors`` (C,3) of xx,
-    xy, yy.
+    xy, yy. In single precision: what is integrated once needs no more.
     """
     model = solution.model
     current = solution.potential @ solution.transfer_ohm
     weight = model.weight_m2[elements].ravel() * scale
-    total = -gathered_products(model.space, current, elements, tensors, hats.tocsc(), weight)
-    return np.einsum("pk,cgk->cpg", whitening, total, optimize=True)
+    total = gathered_products(model.space, current, elements, tensors, hats.tocsc(), weight)
+    return np.asarray(-whitening.astype(np.float32) @ total.transpose(0, 2, 1))
 
 
 class PadRims:
@@ -101,17 +101,18 @@ class PadRims:
         The pad's contact form 1/z int (u - U)(v - V) changes by its integrand along the rim times the normal shift.
         """
         rule = RIM_RULE[self.model.space.degree]
-        result = np.zeros((protocol.orthonormal.shape[1], self.model.electrodes, 2))
+        electrodes = self.model.electrodes
+        form = np.zeros((electrodes, 2, electrodes, electrodes))
         for k, nodes, outward in self.pad:
-            drop = solution.potential[nodes].copy()
+            drop = solution.potential[nodes]
             drop[..., k] -= 1.0
             per_size = 1.0 / (solution.contact_resistance_ohm[k] * self.model.electrode_size[k])
-            for axis in range(2):
-                weighted = drop * (per_size * outward[:, axis, None] * rule)[..., None]
-                form = np.einsum("eni,enj->ij", weighted, drop, optimize=True)
-                change = -solution.transfer_ohm @ form @ solution.transfer_ohm
-                result[:, k, axis] = protocol.whitened(pair_resistances(change))
-        return result
+            weight = per_size * outward.T[:, :, None] * rule
+            flat = drop.reshape(-1, electrodes)
+            form[k] = (weight.reshape(2, -1, 1) * flat).transpose(0, 2, 1) @ flat
+        change = -solution.transfer_ohm @ form @ solution.transfer_ohm
+        found = protocol.whitened(pair_resistances(change.reshape(-1, electrodes, electrodes)))
+        return np.asarray(found.T.reshape(-1, electrodes, 2))
 
 
 def model_elements(model: SheetModel, near: NDArray[np.bool_]) -> Indices:

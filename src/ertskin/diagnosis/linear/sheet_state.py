@@ -41,10 +41,15 @@ class SheetState:
         stretch = 2 * np.arcsinh(odd) / np.where(odd > 0, odd, 1.0)
         return cls(np.log(size), np.where(odd[:, None] > 0, stretch[:, None] * along, 0.0))
 
-    @property
+    @cached_property
     def isotropic(self) -> bool:
         """Whether it conducts alike in all directions everywhere."""
         return not self.stretch.any()
+
+    @cached_property
+    def even_tensor(self) -> bool:
+        """Whether the tensor is the same everywhere."""
+        return bool((self.stretch == self.stretch[:1]).all())
 
     @cached_property
     def tensor(self) -> Array:

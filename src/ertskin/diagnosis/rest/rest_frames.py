@@ -121,7 +121,7 @@ def imprints(skin: Skin, history: History) -> Array:
     scale = np.full(len(points), 1.0 / skin.piezo.zero_ohm_sq)
     whitening, plain = whitening_of_transfer(skin.protocol), np.array([[1.0, 0.0, 1.0]])
     solution = skin.sheet.solve(skin.sheet.uniform(skin.piezo.zero_ohm_sq), skin.contact_resistance_ohm)
-    columns = sheet_sensitivity(solution, elements, csr_array(pressed), whitening, plain, scale)[0]
+    columns = sheet_sensitivity(solution, elements, csr_array(pressed), whitening, plain, scale)[0].astype(float)
     latest: list[int] = []
     for t, place in enumerate(at):
         before = [p for p in latest if p != place][:REMEMBERED]

@@ -121,7 +121,8 @@ class Imaging:
         ``transfer``."""
         elements = np.arange(len(self.model.weight_m2))
         conductivity = solution.conductivity_s.ravel()
-        return sheet_sensitivity(solution, elements, self.gather, transfer, ISOTROPIC, conductivity)[0]
+        found = sheet_sensitivity(solution, elements, self.gather, transfer, ISOTROPIC, conductivity)[0]
+        return found.astype(float)
 
     def _change_ohm(self, solution: Solution) -> Array:
         return solution.pair_resistance_ohm - self.empty.pair_resistance_ohm
