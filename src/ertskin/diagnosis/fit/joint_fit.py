@@ -291,7 +291,7 @@ class VoltageProblem:
         through = self.acquisition.on_columns(skin)
         if through is not None:
             found = np.einsum("pq,tqk->tpk", through, found, optimize=True)
-        found = np.where(self.weight[:, None, None] > 0, found / self.evidence.noise_v, 0.0)
+        found *= np.where(self.weight[:, None, None] > 0, 1 / self.evidence.noise_v, 0.0)
         return self.evidence.discounted(found)
 
     def _fill_specimen(self, layout: _Layout, x: Array, which: Sequence[int], here: Array, columns: Array) -> None:
@@ -359,16 +359,17 @@ class VoltageProblem:
                 wrong = leftover[mine].ravel()
                 quadratic.add(cell, wrong, design[mine].reshape(len(wrong), len(which)), which, self.leftover_share)
 
-    def contact_columns(self, skin: Skin) -> Array:
+    def contact_columns(self, skin: Skin) -> NDArray[np.float32]:
         """(T,P,L) change of the scans per unit logarithm of each contact resistance, in units of the noise."""
-        result = np.zeros((*self.evidence.scan_v.shape, len(skin.contact_resistance_ohm)))
+        result = np.zeros((*self.evidence.scan_v.shape, len(skin.contact_resistance_ohm)), dtype=np.float32)
         scaled = replace(skin, contact_resistance_ohm=np.exp(CONTACT_STEP) * skin.contact_resistance_ohm)
-        per_logarithm = (self.linear.contact_ohm(scaled) - self.linear.contact_ohm(skin)) / CONTACT_STEP
+        change_ohm = self.linear.contact_ohm(scaled) - self.linear.contact_ohm(skin)
+        per_logarithm = np.where(self.weight[:, None] > 0, change_ohm / (CONTACT_STEP * self.evidence.noise_v), 0.0)
         for patch in self.linear.patches:
             for k, state in enumerate(patch.states):
                 rows = patch.rows[patch.state_of == k]
                 result[rows] = state.contact * per_logarithm[rows, None]
-        return np.where(self.weight[:, None, None] > 0, result / self.evidence.noise_v, 0.0)
+        return result
 
 
 @dataclass(frozen=True)

@@ -399,22 +399,15 @@ class LinearSkin:
 
         def one(number: int) -> None:
             patch = self.patches[number]
-            change = self._change_of(number, skin, force_n)
-            for k, state in enumerate(patch.states):
-                mine = np.flatnonzero(patch.state_of == k)
-                rows = patch.rows[mine]
-                scan = state.scan + change[mine] @ state.local.T
-                scan += (contacts[rows] - state.contact_ohm) @ state.contact.T
-                if broad is not None:
-                    scan += broad[number][k]
-                if left is not None:
-                    scan += left[rows]
-                if moved.any():
-                    scan += np.einsum("plc,lc->p", state.pads, moved)
-                result[rows] = factor[rows, None] * scan
+            scan = patch.scans(self._change_of(number, skin, force_n), contacts[patch.rows])
+            if broad is not None:
+                scan += broad[number][patch.state_of]
+            if moved.any():
+                scan += np.array([np.einsum("plc,lc->p", state.pads, moved) for state in patch.states])[patch.state_of]
+            result[patch.rows] = scan
 
         in_threads(one, range(len(self.patches)))
-        return result
+        return factor[:, None] * (result if left is None else result + left)
 
     # derivatives by the calibration ----------------------------------------------------------------------------------
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from ertskin.diagnosis.linear.sensitivity import Hats
@@ -71,6 +72,21 @@ class Patch:
     def about(self) -> Array:
         """(m,G) relative conductance of each row's state."""
         return np.reshape([state.relative for state in self.states], (len(self.states), -1))[self.state_of]
+
+    @cached_property
+    def together(self) -> tuple[Array, NDArray[np.float32], Array, Array]:
+        """The states' scans (S,P), derivatives ``local`` (S,P,R) and ``contact`` (S,P,L), and ``contact_ohm`` (S,L)."""
+        scan, local, contact, ohm = zip(
+            *((s.scan, s.local, s.contact, s.contact_ohm) for s in self.states), strict=True
+        )
+        return np.stack(scan), np.stack(local), np.stack(contact), np.stack(ohm)
+
+    def scans(self, change: NDArray[np.float32], contacts_ohm: Array) -> Array:
+        """(m,P) whitened scans for a change (m,R) of the conductance in the patch's directions from the states', and
+        contact resistances (m,L)."""
+        result = np.empty((len(self.rows), len(self.states[0].scan)))
+        _from_states(result, self.state_of, *self.together, change, contacts_ohm)
+        return result
 
     @cached_property
     def signal(self) -> Array:
@@ -154,3 +170,18 @@ def followers(relative: Array, contacts: Array, usual: Array) -> tuple[Indices, 
         state_of[k] = len(leaders)
         leaders.append(k)
     return state_of, leaders
+
+
+@njit(cache=True, nogil=True, fastmath=True)
+def _from_states(result, state_of, scan, local, contact, contact_ohm, change, contacts_ohm):  # type: ignore[no-untyped-def]
+    for row in range(len(result)):
+        state = state_of[row]
+        apart = contacts_ohm[row] - contact_ohm[state]
+        for p in range(result.shape[1]):
+            by_place = np.float32(0.0)
+            for k in range(change.shape[1]):
+                by_place += local[state, p, k] * change[row, k]
+            total = scan[state, p] + by_place
+            for electrode in range(len(apart)):
+                total += contact[state, p, electrode] * apart[electrode]
+            result[row, p] = total
