@@ -38,11 +38,11 @@ def gathered_products(
     slopes = np.ascontiguousarray(shape_slopes(space.degree, quadrature(space.degree)[0]))
     count = potential.shape[1]
     total = np.zeros((len(tensors), gather.shape[0], count * (count + 1) // 2), dtype=np.float32)
-    fields, tensors, weight, share = (
+    fields, forms, weights, share = (
         np.ascontiguousarray(part, dtype=np.float32) for part in (potential, tensors, weight, gather.data)
     )
     columns = (gather.indptr, gather.indices, share)
-    _gather(total, elements, slopes, space.slope, space.element, fields, tensors, *columns, weight)
+    _gather(total, elements, slopes, space.slope, space.element, fields, forms, *columns, weights)
     return total
 
 

@@ -10,6 +10,7 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from ertskin.cores import given_cores, in_threads
 from ertskin.diagnosis.fit.levenberg_marquardt import Fit, Quadratic, descend
 from ertskin.diagnosis.fit.nonreciprocal import AcquisitionSignal, acquires
 from ertskin.diagnosis.linear.calibration_vector import SHAPE, WIDEST_RATIO, Calibration, SkinFamily
@@ -196,8 +197,12 @@ class VoltageProblem:
     def in_full(self, solved: Solved, rows: NDArray[np.intp]) -> Array:
         """(n,P) whitened scans in volt of some rows by the fit's skin, solved in full."""
         skin = self.family.remeshed(solved.calibration, solved.effects)
-        readings = skin.readings_v(self.linear.history, self.linear.force_n, self.linear.wanted[rows])
-        return np.asarray(readings.reshape(len(rows), -1) @ self.evidence.protocol.orthonormal)
+
+        def scans(some: NDArray[np.intp]) -> Array:
+            readings = skin.readings_v(self.linear.history, self.linear.force_n, self.linear.wanted[some])
+            return np.asarray(readings.reshape(len(some), -1) @ self.evidence.protocol.orthonormal)
+
+        return np.concatenate(in_threads(scans, np.array_split(rows, given_cores())))
 
     def corrected(self, solved: Solved) -> VoltageProblem:
         """The same problem, exact where the fit has come to: every frame is solved in full there."""
@@ -259,8 +264,7 @@ class VoltageProblem:
         instrument = [k for k in range(layout.calibration, count) if layout.is_instrument(k)]
         leftover_columns = np.zeros((0 if leftover is None else leftover.size, len(instrument)))
         electrodes = self.evidence.protocol.electrodes
-        contact = self.contact_columns(skin)
-        columns[..., 1 : 1 + electrodes] = self.evidence.discounted(contact)
+        columns[..., 1 : 1 + electrodes] = self.evidence.discounted(self.contact_columns(skin))
         known = self._known_columns(layout)
         if known is not None:
             columns[..., : layout.calibration], specimen_columns[:, : layout.calibration] = known
@@ -359,7 +363,7 @@ class VoltageProblem:
                 wrong = leftover[mine].ravel()
                 quadratic.add(cell, wrong, design[mine].reshape(len(wrong), len(which)), which, self.leftover_share)
 
-    def contact_columns(self, skin: Skin) -> NDArray[np.float32]:
+    def contact_columns(self, skin: Skin) -> Array:
         """(T,P,L) change of the scans per unit logarithm of each contact resistance, in units of the noise."""
         result = np.zeros((*self.evidence.scan_v.shape, len(skin.contact_resistance_ohm)), dtype=np.float32)
         scaled = replace(skin, contact_resistance_ohm=np.exp(CONTACT_STEP) * skin.contact_resistance_ohm)
@@ -369,7 +373,8 @@ class VoltageProblem:
             for k, state in enumerate(patch.states):
                 rows = patch.rows[patch.state_of == k]
                 result[rows] = state.contact * per_logarithm[rows, None]
-        return result
+        # in single precision, as the fit keeps them
+        return cast(Array, result)
 
 
 @dataclass(frozen=True)

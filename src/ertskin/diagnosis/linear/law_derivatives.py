@@ -11,22 +11,24 @@ from ertskin.physics.piezo.polynomial import PiezoPolynomial
 Array = NDArray[np.float64]
 
 
-def conductance_by_law(law: PiezoPolynomial, pressure_pa: Array, factor: Array, count: int) -> NDArray[np.float32]:
+def conductance_by_law(
+    law: PiezoPolynomial, pressure_pa: Array, factor: Array, weight: Array, count: int
+) -> NDArray[np.float32]:
     """(n,count,N) derivatives of the conductance over that at rest by the law's Chebyshev coefficients from 1 on.
 
     The law's value at zero stress is kept. ``pressure_pa`` (n,N) is what the law answers to, ``factor`` (n,N) or (1,1)
-    multiplies its resistance.
+    multiplies its resistance, ``weight`` (N,) or (n,N) the derivatives.
     """
     result = np.empty((len(pressure_pa), count, pressure_pa.shape[1]), dtype=np.float32)
-    factor = np.broadcast_to(factor, pressure_pa.shape)
+    factor, weight = (np.broadcast_to(part, pressure_pa.shape) for part in (factor, weight))
     coefficients = np.zeros(max(len(law.coefficients), 1 + count))
     coefficients[: len(law.coefficients)] = law.coefficients
-    _by_law(result, pressure_pa, factor, coefficients, law.max_stress_pa)
+    _by_law(result, pressure_pa, factor, weight, coefficients, law.max_stress_pa)
     return result
 
 
 @njit(cache=True, nogil=True)
-def _by_law(result, pressure_pa, factor, coefficients, largest_pa):  # type: ignore[no-untyped-def]
+def _by_law(result, pressure_pa, factor, weight, coefficients, largest_pa):  # type: ignore[no-untyped-def]
     count, points = result.shape[1:]
     order = len(coefficients)
     polynomial = np.empty((order, points))
@@ -44,7 +46,7 @@ def _by_law(result, pressure_pa, factor, coefficients, largest_pa):  # type: ign
             for n in range(points):
                 law[n] += coefficients[k] * polynomial[k, n]
         for n in range(points):
-            law[n] = -1.0 / (factor[t, n] * law[n] * law[n])
+            law[n] = -weight[t, n] / (factor[t, n] * law[n] * law[n])
         at_zero = -1.0
         for k in range(1, count + 1):
             for n in range(points):

@@ -245,7 +245,7 @@ class LinearSkin:
         for patch in self.patches:
             frame = self.wanted[patch.rows[0]]
             own[patch.rows] = within(hats.node_m, self._contact[frame][present[frame]], reach)
-        return hats.node_m, columns, own
+        return hats.node_m, columns.astype(float), own
 
     def _left_behind(self, skin: Skin, force_n: Array) -> Array | None:
         """(n,P) change of the scans by what presses elsewhere have left, to first order; None if nothing remembers."""
@@ -435,8 +435,7 @@ class LinearSkin:
 
         def one(number: int) -> None:
             patch = self.patches[number]
-            change = self._relative_by_law(skin, force_n, patch, count)
-            by_law = (change * self._field_of(number, skin).astype(np.float32)) @ patch.directions
+            by_law = self._relative_by_law(skin, force_n, number, count) @ patch.directions
             for k, state in enumerate(patch.states):
                 mine = np.flatnonzero(patch.state_of == k)
                 rows = patch.rows[mine]
@@ -450,14 +449,14 @@ class LinearSkin:
         result[..., 1:] *= factor[:, None, None]
         return result
 
-    def _relative_by_law(self, skin: Skin, force_n: Array, patch: Patch, count: int) -> NDArray[np.float32]:
-        """(m,count,G) derivatives of ``_relative`` by the law's coefficients."""
+    def _relative_by_law(self, skin: Skin, force_n: Array, number: int, count: int) -> NDArray[np.float32]:
+        """(m,count,G) derivatives of a patch's conductance by the law's coefficients."""
+        patch = self.patches[number]
         past, position_m = patch.past_of(skin), patch.grid_m
         pressure = self._pressure(skin, force_n, position_m, past.frames)
         time_s, extent_m = self.history.time_s[past.frames], skin.sensor.extent_m
-        return conductance_by_law(
-            skin.piezo, *felt(skin.effects, pressure, position_m, time_s, extent_m, past.own), count
-        )
+        answers = felt(skin.effects, pressure, position_m, time_s, extent_m, past.own)
+        return conductance_by_law(skin.piezo, *answers, self._field_of(number, skin), count)
 
     def _left_behind_by_law(self, skin: Skin, force_n: Array, count: int) -> Array | None:
         """(n,P,count) derivatives of ``_left_behind`` by the law's coefficients."""
@@ -467,7 +466,7 @@ class LinearSkin:
         pressure = self._pressure(skin, force_n, nodes, np.arange(len(force_n)))
         answers = felt(skin.effects, pressure, nodes, self.history.time_s, skin.sensor.extent_m, self.wanted)
         weight = np.where(own, 0.0, np.exp(-self._sheet_change(skin, nodes).log_size))
-        change = conductance_by_law(skin.piezo, *answers, count) * weight[:, None, :]
+        change = conductance_by_law(skin.piezo, *answers, weight, count)
         return np.asarray((change @ columns.T).transpose(0, 2, 1))
 
     def _sheet_change(self, skin: Skin, position_m: Array) -> SheetState:
@@ -579,7 +578,9 @@ class LinearSkin:
             change.append((relative - patch.about) * self._local_field(there, patch))
         return np.asarray(change[1] - change[0])
 
-    def _columns_of(self, number: int, skin: Skin, local: Array, fields: Fields, wide: list[Array] | None) -> Array:
+    def _columns_of(
+        self, number: int, skin: Skin, local: Array, fields: Fields, wide: list[Array] | None
+    ) -> NDArray[np.float32]:
         """(m,P,K) ``field_columns`` of a patch, every scan taken in an instant, from the derivative (m,G) of its
         conductance by an even field, and what the fields do on the coarse grid, (S,P,K) for each patch.
 
