@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import cached_property
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -578,9 +579,7 @@ class LinearSkin:
             change.append((relative - patch.about) * self._local_field(there, patch))
         return np.asarray(change[1] - change[0])
 
-    def _columns_of(
-        self, number: int, skin: Skin, local: Array, fields: Fields, wide: list[Array] | None
-    ) -> NDArray[np.float32]:
+    def _columns_of(self, number: int, skin: Skin, local: Array, fields: Fields, wide: list[Array] | None) -> Array:
         """(m,P,K) ``field_columns`` of a patch, every scan taken in an instant, from the derivative (m,G) of its
         conductance by an even field, and what the fields do on the coarse grid, (S,P,K) for each patch.
 
@@ -599,7 +598,7 @@ class LinearSkin:
                 result[mine] += wide[number][k]
         factor = skin.piezo.zero_ohm_sq / self.skin.piezo.zero_ohm_sq * self._drift(skin)[patch.rows]
         result *= factor[:, None, None].astype(np.float32)
-        return result
+        return cast(Array, result)  # in single precision
 
     def _broad_columns(self, skin: Skin, raised: Skin, by: float, fields: Fields) -> Array | None:
         """(3,H,K) what each of K fields changes of conductance and anisotropy on the coarse grid; None for nothing."""
