@@ -137,9 +137,11 @@ class Skin:
         """Places (S,2) that are pressed, and the force (T,S) in newton that the sheet feels at each."""
         felt_n = self.felt_n(force_n)
         there = np.isfinite(contact_m).all(axis=-1) & (np.nan_to_num(felt_n) > 0)
-        spots, number = np.unique(contact_m[there], axis=0, return_inverse=True)
+        # As complex numbers places are sorted at once.
+        known, number = np.unique(contact_m[there] @ (1, 1j), return_inverse=True)
+        spots = np.stack([known.real, known.imag], axis=-1)
         share_n = np.zeros((len(felt_n), len(spots)))
-        np.add.at(share_n, (np.nonzero(there)[0], number.ravel()), felt_n[there])
+        np.add.at(share_n, (np.nonzero(there)[0], number), felt_n[there])
         return spots, share_n
 
     # piezoresistance -----------------------------------------------------------------------------------------------

@@ -146,7 +146,7 @@ class Space:
         """Codes (S,) of the mesh's edges, ascending, the point (S,) that each begins with and the nodes between."""
         between = self.degree - 1
         ends = self.element[:, SIDES].reshape(-1, 2)
-        nodes = self.element[:, 3 : 3 + 3 * between].reshape(-1, between)
+        nodes = self.element[:, 3 : 3 + 3 * between].reshape(len(ends), between)
         code, one = np.unique(_side_codes(ends), return_index=True)
         return code, ends[one, 0], nodes[one]
 

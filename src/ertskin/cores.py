@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Sized
+from collections.abc import Callable, Iterable, Iterator, Sequence, Sized
 from concurrent.futures import ThreadPoolExecutor
 from typing import TypeVar
 
@@ -32,3 +32,10 @@ def in_threads(work: Callable[[Item], Result], items: Iterable[Item]) -> list[Re
         return [work(item) for item in several]
     with ThreadPoolExecutor(threads) as pool:
         return list(pool.map(work, several))
+
+
+def in_threads_by_turns(work: Callable[[Item], Result], items: Sequence[Item]) -> Iterator[Result]:
+    """``in_threads`` where results are large: no more of them at once than there are cores."""
+    cores = given_cores()
+    for first in range(0, len(items), cores):
+        yield from in_threads(work, items[first : first + cores])

@@ -10,7 +10,8 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from ertskin.cores import given_cores, in_threads
+from ertskin.cores import in_threads
+from ertskin.diagnosis.fit.full_scans import full_scans
 from ertskin.diagnosis.fit.levenberg_marquardt import Fit, Quadratic, descend
 from ertskin.diagnosis.fit.nonreciprocal import AcquisitionSignal, acquires
 from ertskin.diagnosis.linear.calibration_vector import SHAPE, WIDEST_RATIO, Calibration, SkinFamily
@@ -197,12 +198,7 @@ class VoltageProblem:
     def in_full(self, solved: Solved, rows: NDArray[np.intp]) -> Array:
         """(n,P) whitened scans in volt of some rows by the fit's skin, solved in full."""
         skin = self.family.remeshed(solved.calibration, solved.effects)
-
-        def scans(some: NDArray[np.intp]) -> Array:
-            readings = skin.readings_v(self.linear.history, self.linear.force_n, self.linear.wanted[some])
-            return np.asarray(readings.reshape(len(some), -1) @ self.evidence.protocol.orthonormal)
-
-        return np.concatenate(in_threads(scans, np.array_split(rows, given_cores())))
+        return full_scans(skin, self.linear.history, self.linear.force_n, self.linear.wanted[rows])
 
     def corrected(self, solved: Solved) -> VoltageProblem:
         """The same problem, exact where the fit has come to: every frame is solved in full there."""
@@ -347,10 +343,13 @@ class VoltageProblem:
             np.zeros((self.cell_count + 1, count, count)),
         )
         everything = np.arange(count)
-        for cell in range(self.cell_count):
+
+        def add(cell: int) -> None:
             mine = (self.cells == cell) & (self.weight > 0)
             if mine.any():
                 found.add(cell, scan[mine].ravel(), columns[mine].reshape(-1, count).astype(float), everything)
+
+        in_threads(add, range(self.cell_count))
         found.add(self.cell_count, specimen, specimen_columns, everything)
         return found
 

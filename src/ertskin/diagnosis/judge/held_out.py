@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from ertskin.diagnosis.contract.claims import MATERIAL_RATIO
+from ertskin.diagnosis.fit.full_scans import full_scans
 from ertskin.diagnosis.fit.joint_fit import Solved
 from ertskin.diagnosis.linear.calibration_vector import SkinFamily
 from ertskin.diagnosis.recording.evidence import Evidence
@@ -79,8 +80,7 @@ def unspoilt(
 
 
 def _residual(evidence: Evidence, skin: Skin, force_n: Array, held: Indices) -> Array:
-    readings = skin.readings_v(evidence.history, force_n, held)
-    scans = readings.reshape(len(held), -1) @ evidence.protocol.orthonormal
+    scans = full_scans(skin, evidence.history, force_n, held)
     here = evidence.frames(held)
     residual = here.discounted((evidence.scan_v[held] - scans) / evidence.noise_v)
     # Directions that say nothing are noughts: over what is left, noise is to be one.

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csc_array, sparray
 
-from ertskin.cores import in_threads
+from ertskin.cores import in_threads, in_threads_by_turns
 from ertskin.diagnosis.linear.law_derivatives import conductance_by_law
 from ertskin.diagnosis.linear.patches import (
     Past,
@@ -551,23 +551,30 @@ class LinearSkin:
         """
         broad = self._broad_columns(skin, raised, by, fields)
         skew = motions(skin.effects)
-        if not skew or self.protocol.injection_offset_s is None:
-            wide = None if broad is None else self.sheet_changes(broad)
-            for number, patch in enumerate(self.patches):
-                local = self._raised_by(number, skin, raised, self.force_n) / by
-                yield patch.rows, self._columns_of(number, skin, local, fields, wide)
-            return
-        moments, mixing = self.skew_mixing
-        forces = self._moved_forces(skin, skew[0], self.force_n, moments)
-        about = self._moments if self._moments else [self] * len(forces)
-        wides = [None if broad is None else linear.sheet_changes(broad) for linear in about]
-        for number, patch in enumerate(self.patches):
-            parts = []
-            for linear, force, mix, wide in zip(about, forces, mixing, wides, strict=True):
-                local = linear._raised_by(number, skin, raised, force) / by
-                columns = linear._columns_of(number, skin, local, fields, wide)
-                parts.append(np.tensordot(columns, mix.astype(np.float32), ([1], [1])))
-            yield patch.rows, np.sum(parts, axis=0).transpose(0, 2, 1)
+        moments: list[tuple[LinearSkin, Array]] = [(self, self.force_n)]
+        if skew and self.protocol.injection_offset_s is not None:
+            forces = self._moved_forces(skin, skew[0], self.force_n, self.skew_mixing[0])
+            moments = list(zip(self._moments if self._moments else [self] * len(forces), forces, strict=True))
+        wide = [None if broad is None else linear.sheet_changes(broad) for linear, _ in moments]
+
+        def still(moment: int, number: int) -> Array:
+            linear, force_n = moments[moment]
+            local = linear._raised_by(number, skin, raised, force_n) / by
+            return linear._columns_of(number, skin, local, fields, wide[moment])
+
+        def one(number: int) -> tuple[Indices, Array]:
+            rows = self.patches[number].rows
+            if len(moments) == 1:
+                return rows, still(0, number)
+            parts = (
+                np.tensordot(still(moment, number), mix.astype(np.float32), ([1], [1]))
+                for moment, mix in enumerate(self.skew_mixing[1])
+            )
+            return rows, sum(parts).transpose(0, 2, 1)  # type: ignore[union-attr]
+
+        # Moments of a moving press may share a skin, which remembers the pressures of one of them.
+        turns = in_threads_by_turns if len({id(linear) for linear, _ in moments}) == len(moments) else map
+        yield from turns(one, range(len(self.patches)))
 
     def _raised_by(self, number: int, skin: Skin, raised: Skin, force_n: Array) -> Array:
         """(m,G) change of the relative conductance on a patch's grid from one skin to the other."""
