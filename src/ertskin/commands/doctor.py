@@ -37,11 +37,15 @@ def run(config: DictConfig) -> None:
         examine_ports(console)
 
 
-def examine_recording(path: Path, console: Console) -> None:
-    """Print what the recording at ``path`` holds and what is wrong with it; raises ``RecordingError`` if unusable."""
+def examine_recording(path: Path, console: Console, called: Path | None = None) -> None:
+    """Print what the recording at ``path`` holds and what is wrong with it; raises ``RecordingError`` if unusable.
+
+    ``called``: the name it is going to have.
+    """
     findings = validate(path)
     if findings.errors:
         raise RecordingError(findings.errors[0])
+    findings.path = called or path
     print_findings(findings, console)
 
 

@@ -54,7 +54,7 @@ def import_file(source: Path, mapping: Path, out: Path) -> None:
     aside = out.with_name(f".{out.stem}.{os.getpid()}.h5")
     try:
         write_recording(aside, recording)
-        examine_recording(aside, Console())
+        examine_recording(aside, Console(), called=out)
         os.replace(aside, out)
     except RecordingError as error:
         raise UserError(f"{mapping} makes no sound recording of {source}: {error}".replace(f"{aside}: ", "")) from None

@@ -224,7 +224,9 @@ def test_the_template_itself_imports_a_sheet(readings: np.ndarray, tmp_path: Pat
     assert "looks like another unit" in capsys.readouterr().err
     Path("import.yaml").write_text(Path("import.yaml").read_text().replace("18.0e+3", "500.0"))
     assert main(["import", "source=tank.mat", "mapping=import.yaml", "out=tank.h5"]) == 0
-    assert "ertskin calibrate recording=tank.h5" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert said.startswith("tank.h5\n")
+    assert "ertskin calibrate recording=tank.h5" in said
     assert read_recording("tank.h5").frames.voltage_v.shape == (FRAMES, 16, 16)
     assert main(["import", "source=tank.mat", "out=tank.h5"]) == 2
     assert "is there already and was left alone" in capsys.readouterr().err
