@@ -24,7 +24,8 @@ from ertskin.diagnosis.any_recording import diagnose_any  # noqa: E402
 from ertskin.diagnosis.fit.joint_fit import Term  # noqa: E402
 from ertskin.diagnosis.linear.calibration_vector import Calibration  # noqa: E402
 from ertskin.diagnosis.search.candidates import screen  # noqa: E402
-from ertskin.diagnosis.search.selection import SIGNIFICANT, Selection, material_cost  # noqa: E402
+from ertskin.diagnosis.search.selection import Selection  # noqa: E402
+from ertskin.diagnosis.search.trials import SIGNIFICANT, material_cost  # noqa: E402
 from ertskin.hardware.recording import read_recording  # noqa: E402
 
 

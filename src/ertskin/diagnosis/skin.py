@@ -23,6 +23,7 @@ from ertskin.diagnosis.linear.linear_skin import LinearSkin
 from ertskin.diagnosis.recording.evidence import CannotTell, Evidence, gather
 from ertskin.diagnosis.recording.split import fitted_and_held
 from ertskin.diagnosis.rest.baseline import Baseline, calibrated
+from ertskin.diagnosis.search.form_error import form_error
 from ertskin.diagnosis.search.selection import Selection, select
 from ertskin.hardware.recording import Recording
 from ertskin.physics.conduction.mesh import MeshError
@@ -69,8 +70,8 @@ def _diagnose(recording: Recording, name: str, report: Report, resolution: str, 
     plain = _plain(evidence, baseline, family, fitted, selection)
     report(0.85, "predicting presses no fit has seen")
     found = predictions(evidence, baseline, plain, selection, family, held)
-    if found.ratio_after > MATERIAL_RATIO and any(term.modes is not None for term in selection.after.terms):
-        found = replace(found, known_ratio=_known_ratio(evidence, baseline, family, selection.after, found))
+    if found.ratio_after > MATERIAL_RATIO:
+        found = replace(found, known_ratio=_known_ratio(evidence, baseline, family, selection, found))
     selection, found = unspoilt(evidence, baseline, selection, family, found)
     skin = family.skin(selection.after.calibration, selection.after.effects)
     differ = _presses_that_differ(selection, skin) if found.ratio_after > MATERIAL_RATIO else None
@@ -98,8 +99,7 @@ def _selected(
     begun = [(Term(f.effect, f.free), f.rivals) for f in baseline.specimen_findings]
     if baseline.displaced is not None:
         begun.append((Term(baseline.displaced, tuple(baseline.displaced.parameters())), ()))
-    partitions = [[int(k)] for k in np.unique(_cells(evidence, fitted))]
-    return selector(build, fixed, begun, start, partitions, report)
+    return selector(build, fixed, begun, start, _partitions(_cells(evidence, fitted)), report)
 
 
 def _plain(evidence: Evidence, baseline: Baseline, family: SkinFamily, fitted: Indices, selection: Selection) -> Solved:
@@ -112,12 +112,18 @@ def _plain(evidence: Evidence, baseline: Baseline, family: SkinFamily, fitted: I
 
 
 def _known_ratio(
-    evidence: Evidence, baseline: Baseline, family: SkinFamily, after: Solved, found: Predictions
+    evidence: Evidence, baseline: Baseline, family: SkinFamily, selection: Selection, found: Predictions
 ) -> float | None:
-    """Misfit over noise held out, where what isn't known of fields there counts as noise."""
+    """Misfit over noise held out, without what the instrument's form errors are expected to make there, and where what
+    isn't known of fields counts as noise; None without either."""
+    after, fitted = selection.after, selection.problem
+    error = form_error(fitted, after, _partitions(fitted.cells), after.effects)
+    if error.sizes is None and all(term.modes is None for term in after.terms):
+        return None
     skin = family.remeshed(after.calibration, after.effects)
     problem = _problem(evidence, baseline, family, skin, baseline.force_n, found.held, lambda share, text: None)
-    return ratio_with_what_is_unknown(problem, after, found.after)
+    left = found.after - error.expected(problem, after) * problem.evidence.told_more[:, None]
+    return ratio_with_what_is_unknown(problem, after, left)
 
 
 def _start(baseline: Baseline) -> Calibration:
@@ -128,6 +134,11 @@ def _start(baseline: Baseline) -> Calibration:
 def _cells(evidence: Evidence, fitted: Indices) -> Indices:
     """(n,) which of the ``FOLDS`` each frame's press belongs to."""
     return (np.unique(evidence.history.press[fitted], return_inverse=True)[1] % FOLDS).astype(np.intp)
+
+
+def _partitions(cells: Indices) -> list[list[int]]:
+    """Each of the cells held out in turn."""
+    return [[int(k)] for k in np.unique(cells)]
 
 
 def _problem(

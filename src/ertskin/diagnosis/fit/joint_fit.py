@@ -161,6 +161,7 @@ class VoltageProblem:
     weight: Array
     correction_v: Array | float = 0.0
     last_columns: tuple[NDArray[np.float32], Array] = field(init=False)
+    last_leftover: tuple[NDArray[np.intp], Array] | None = field(init=False, default=None)
 
     def __post_init__(self) -> None:
         moving = np.flatnonzero(self.weight > 0)
@@ -280,6 +281,7 @@ class VoltageProblem:
                 leftover_columns[:, instrument.index(k)] = ((leftover - there[2]) / step).ravel()
         self._fill_fields(layout, skin, columns)
         self.last_columns = columns, specimen_columns
+        self.last_leftover = None if leftover is None else (np.array(instrument, dtype=np.intp), leftover_columns)
         quadratic = self._quadratic(scan, columns, specimen, specimen_columns)
         if leftover is not None:
             self._add_leftover(quadratic, leftover, np.array(instrument, dtype=np.intp), leftover_columns)

@@ -51,12 +51,12 @@ class AcquisitionSignal:
         return reduce(lambda done, matrix: matrix @ done, maps) if maps else None
 
     def _map(self, effect: AcquisitionEffect) -> tuple[Array, Array]:
-        """``_on_scans``, remembered: most parameters that a fit moves leave the instrument alone."""
+        """``on_scans``, remembered: most parameters that a fit moves leave the instrument alone."""
         if effect not in self._maps:
-            self._maps = {**dict(list(self._maps.items())[-REMEMBERED:]), effect: self._on_scans(effect)}
+            self._maps = {**dict(list(self._maps.items())[-REMEMBERED:]), effect: self.on_scans(effect)}
         return self._maps[effect]
 
-    def _on_scans(self, effect: AcquisitionEffect) -> tuple[Array, Array]:
+    def on_scans(self, effect: AcquisitionEffect) -> tuple[Array, Array]:
         """What a linear effect does to whitened scans: matrix (P,P) and offset (P,)."""
         protocol = self.evidence.protocol
         basis = protocol.orthonormal
@@ -67,14 +67,23 @@ class AcquisitionSignal:
 
     def leftover(self, skin: Skin) -> Array:
         """(n, K*M) what no network explains of the predicted readings, for the rows n."""
-        basis = self.evidence.protocol.orthonormal
-        readings = self._readings(skin)
+        readings = self.readings(skin)
         for effect in instruments(skin.effects):
             readings = effect.distorted_v(readings, self.evidence.protocol)
+        return self._unexplained(readings)
+
+    def _unexplained(self, readings: Array) -> Array:
+        """(n, K*M) the part of readings (n,K,M) that no network gives."""
+        basis = self.evidence.protocol.orthonormal
         flat = readings.reshape(len(readings), -1)
         return np.asarray(flat - (flat @ basis) @ basis.T)
 
-    def _readings(self, skin: Skin) -> Array:
+    def beyond_networks(self, effect: AcquisitionEffect, readings: Array) -> Array:
+        """(n, K*M) what an effect adds to readings (n,K,M) that no network gives."""
+        return self._unexplained(effect.distorted_v(readings, self.evidence.protocol) - readings)
+
+    def readings(self, skin: Skin) -> Array:
+        """(n,K,M) the network's readings in the rows n, before the instrument's effects."""
         protocol, linear = self.evidence.protocol, self.linear
         basis = protocol.orthonormal
         skew = motions(skin.effects)

@@ -28,8 +28,8 @@ LONE_PRESS = 2.0
 class Predictions:
     """Whitened residuals (n,P), in units of the noise, of the frames ``held`` (n,) by the plain simulator and after.
 
-    ``known_ratio``: misfit over noise after, where what isn't known of a field at presses that no fit has seen counts
-    as noise; None without a field.
+    ``known_ratio``: misfit over noise after, less what the instrument's form errors are expected to make, where what
+    isn't known of a field at presses that no fit has seen counts as noise; None without either.
     """
 
     held: Indices

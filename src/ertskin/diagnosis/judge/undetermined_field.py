@@ -20,11 +20,11 @@ TOLD = 0.5
 """Part of the field's standard deviation beforehand that must be left at most where it is known."""
 
 
-def ratio_with_what_is_unknown(problem: VoltageProblem, solved: Solved, after: Array) -> float | None:
+def ratio_with_what_is_unknown(problem: VoltageProblem, solved: Solved, after: Array) -> float:
     """Misfit over noise of residuals ``after`` (n,P), where what isn't known of fields counts as noise.
 
     ``problem`` is that of the frames held out, linearised about the fit. What a fit leaves of a field's covariance C is
-    correlated noise J C J' of the frames, with which the quadratic form is taken. None where the fit has no field.
+    correlated noise J C J' of the frames, with which the quadratic form is taken.
     """
     extent_m = problem.evidence.sensor.extent_m
     design = partial(field_design, node_shape(extent_m), extent_m=extent_m)
@@ -38,7 +38,7 @@ def ratio_with_what_is_unknown(problem: VoltageProblem, solved: Solved, after: A
             found[rows] = columns @ root
         parts.append(found)
     if not parts:
-        return None
+        return float(np.sqrt((after**2).mean()))
     columns = np.concatenate(parts, axis=-1)
     flat, wrong = columns.reshape(-1, columns.shape[-1]), after.ravel()
     along = flat.T @ wrong

@@ -22,15 +22,16 @@ def added_gain(
     partitions: Sequence[Sequence[int]],
 ) -> tuple[float, Array]:
     """First-order held-out gain in half chi-square of adding columns (T,P,c) to the fit, and their coefficients."""
-    gradient, hessian = _with_columns(problem, solved, columns, base, specimen, specimen_columns)
+    gradient, hessian = with_columns(problem, solved, columns, base, specimen, specimen_columns)
     prior = np.concatenate([solved.fit.prior.diagonal(), np.zeros(columns.shape[-1])])
-    return held_out_gain(gradient, hessian, prior, solved.fit.value, partitions)
+    gain, step = held_out_gain(gradient, hessian, prior, solved.fit.value, partitions)
+    return gain, step[len(solved.fit.value) :]
 
 
 def held_out_gain(
     gradient: Array, hessian: Array, prior: Array, value: Array, partitions: Sequence[Sequence[int]]
 ) -> tuple[float, Array]:
-    """Held-out gain of the numbers added behind those of a fit with these values (n,), and the numbers themselves.
+    """Held-out gain of the numbers added behind those of a fit with these values (n,), and the step (n+c,) of all.
 
     From gradient (F,n+c) and Hessian (F,n+c,n+c) by cell and the ``prior``'s precisions (n+c,).
     """
@@ -46,11 +47,16 @@ def held_out_gain(
         for cell in out:
             gain += gradient[cell] @ full - 0.5 * full @ hessian[cell] @ full
             gain -= gradient[cell, :count] @ small - 0.5 * small @ hessian[cell, :count, :count] @ small
-    return float(gain), full[count:]
+    return float(gain), full
 
 
-def _with_columns(
-    problem: VoltageProblem, solved: Solved, columns: Array, base: Array, specimen: Array, specimen_columns: Array
+def with_columns(
+    problem: VoltageProblem,
+    solved: Solved,
+    columns: Array,
+    base: Array,
+    specimen: Array | None = None,
+    specimen_columns: Array | None = None,
 ) -> tuple[Array, Array]:
     """Gradient (F,n+c) and Hessian (F,n+c,n+c) of the fit by cell, the columns (T,P,c) added behind."""
     quadratic = solved.fit.quadratic
@@ -74,7 +80,7 @@ def _with_columns(
         mine = (problem.cells == cell) & (problem.weight > 0)
         if mine.any():
             add(cell, known[mine].reshape(-1, count), columns[mine].reshape(-1, added), base[mine].ravel())
-    if len(specimen):
+    if specimen is not None and specimen_columns is not None and len(specimen):
         add(-1, known_specimen, specimen_columns, specimen)
     return gradient, hessian
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,10 +12,22 @@ from ertskin.diagnosis.contract.claims import Rival, Tried
 from ertskin.diagnosis.fit.full_solution_check import WORSE, Standing, exact, settled, standing
 from ertskin.diagnosis.fit.joint_fit import Solved, Term, VoltageProblem
 from ertskin.diagnosis.linear.calibration_vector import WIDEST_RATIO, Calibration
-from ertskin.diagnosis.search.candidates import Candidate, screen
-from ertskin.diagnosis.search.forms import form_of, freer
-from ertskin.diagnosis.search.gain import freedom, gained
-from ertskin.diagnosis.search.smooth_fields import with_smooth_field, with_smooth_fields
+from ertskin.diagnosis.search.candidates import screen
+from ertskin.diagnosis.search.form_error import form_error
+from ertskin.diagnosis.search.forms import freer
+from ertskin.diagnosis.search.gain import gained
+from ertskin.diagnosis.search.smooth_fields import with_smooth_fields
+from ertskin.diagnosis.search.trials import (
+    KNOWN,
+    SIGNIFICANT,
+    Trial,
+    of_frames,
+    residual_count,
+    rms_of,
+    trials_of,
+    unlikely,
+    worth_a_name,
+)
 from ertskin.diagnosis.specimen.agreement import remembers_alike
 from ertskin.physics.conduction.mesh import MeshError
 from ertskin.physics.effects.effect import ElectrodeEffect, PiezoEffect, shown_by
@@ -23,22 +35,13 @@ from ertskin.physics.effects.hypothesis import Measured, Signal
 
 Array = NDArray[np.float64]
 
-SIGNIFICANT = 15.0
-"""Held-out gain in half chi-square that a term must reach: far above what the best of 200 null candidates gains."""
-MATERIAL = 1.03
-"""A term must bring the residual's rms down by this factor of what noise alone leaves, or it isn't worth a name."""
-KNOWN = 1.05
-"""Factor within which a term of a name that is in the fit already gains as much as one of another name."""
-TRIED = 3
-WORTH_TRYING = 0.15
-"""Least part of the best candidate's expected gain that makes another worth a fit."""
-SHARES = 1.0, 0.3, 0.1
-"""Of a candidate's size, at which it is begun."""
 RUN_AWAY = 0.4
 """Part of the widest ratio of moduli from which on a fit is taken to have run away."""
 ALIKE = 0.5
 """Part of the best form's gain from which another form of the same effect is settled too."""
 MOST_TERMS = 5
+FORM_ERROR = "form_error"
+"""What sets tried with a nameless part of the instrument's effects are said to hold."""
 FORMS = 2
 """How many forms of one effect are settled."""
 REFINED = 4
@@ -64,15 +67,6 @@ class Chosen:
 
 
 @dataclass(frozen=True, eq=False)
-class Trial:
-    """A candidate fitted beside the terms at hand, and the half chi-square that it gains held out."""
-
-    term: Term
-    gain: float
-    solved: Solved
-
-
-@dataclass(frozen=True, eq=False)
 class Selection:
     """What was found on the frames fitted: the fits without and with the terms, and each term's standing.
 
@@ -95,7 +89,7 @@ def select(
     partitions: Sequence[Sequence[int]],
     report: Report,
 ) -> Selection:
-    """Grow the set of terms while one gains, held out, what is significant and material.
+    """Grow the set of terms while one gains, held out, what is significant and material; then prune.
 
     ``build`` linearises about a fit (or about the start); ``fixed`` terms (the force stage's) belong to every model;
     ``begun`` are terms that another signal has shown, with their rivals there: they must hold their own here.
@@ -112,36 +106,84 @@ def select(
             here, fixed = _without_drifts(build, there, fixed)
         # A form is freed about the fit itself: further off it would mend what linearising leaves.
         here = _refined(build, here, partitions)
-    tried: list[Tried] = []
-    stand: dict[str, Rivals] = {_key(term): rivals for term, rivals in begun}
-    for turn in range(MOST_TERMS):
-        problem, current = here.problem, here.problem.at_hand(here.solved)
-        least = max(SIGNIFICANT, material_cost(_residual_count(problem), _of_scans(current)))
-        report(0.2 + 0.1 * turn, f"looking for what is missing (residual {_rms(current):.3f} of the noise)")
-        found = screen(problem, current, partitions)
-        trials: list[Trial] = []
-        for listed in _worth_trying(found, least):
-            trials = _in_order([*trials, *_try(problem, current, _different(listed), partitions)], current)
-            if trials and trials[0].gain >= least:
+    search = _Search(build, partitions, report, len(fixed), {_key(term): rivals for term, rivals in begun})
+    chosen, here = search.pruned(search.grown(here))
+    problem, current, specimen = _judged(here.problem, here.solved, bool(chosen))
+    specimen = "disagrees" if search.disagrees else specimen
+    return Selection(before, current, chosen, problem, tuple(search.tried), specimen)
+
+
+@dataclass(eq=False)
+class _Search:
+    """The sets of terms visited so far: ``stand`` keeps each term's rivals, ``tried`` every set fitted, in order.
+
+    The first ``fixed`` terms belong to every set.
+    """
+
+    build: Problem
+    partitions: Sequence[Sequence[int]]
+    report: Report
+    fixed: int
+    stand: dict[str, Rivals]
+    tried: list[Tried] = field(default_factory=list)
+    disagrees: bool = False
+
+    def grown(self, here: Standing) -> Standing:
+        """With one term more after the other, while one gains enough."""
+        for turn in range(MOST_TERMS):
+            text = f"looking for what is missing (residual {rms_of(here.solved):.3f} of the noise)"
+            self.report(0.2 + 0.1 * turn, text)
+            there = self.one_more(here)
+            if there is None:
                 break
-        entered = _first_to_hold(build, here, [t for t in trials if t.gain >= least])
-        tried += [_as_tried(t, entered is not None and t.term == entered[0].term) for t in trials]
+            here = self._without_drifts(self._by_own_readings(there))
+            self.report(0.25 + 0.1 * turn, f"{here.solved.terms[-1].name} enters")
+        return here
+
+    def _by_own_readings(self, here: Standing) -> Standing:
+        """Without the specimen from when the skin is seen to remember what it doesn't: it is another piece of fabric,
+        whose law is another one then."""
+        specimen, build = here.problem.specimen, self.build
+        if specimen is None or specimen.effects or remembers_alike(specimen, here.solved.effects):
+            return here
+        self.disagrees, self.build = True, lambda solved: replace(build(solved), specimen=None)
+        there = _where_it_settles(self.build, None, here.solved)
+        return here if there is None else _reconsidered(self.build, there)
+
+    def _without_drifts(self, here: Standing) -> Standing:
+        """Without contacts that wander, where places that have not recovered explain them."""
+        here, fixed = _without_drifts(self.build, here, here.solved.terms[: self.fixed])
+        self.fixed = len(fixed)
+        return here
+
+    def one_more(self, here: Standing) -> Standing | None:
+        """With the likeliest term more; None where none gains enough."""
+        problem, current = here.problem, here.problem.at_hand(here.solved)
+        found = screen(problem, current, self.partitions)
+        left = form_error(problem, current, self.partitions, current.effects).gain
+        least = worth_a_name(problem, current)
+        trials = trials_of(problem, current, found, self.partitions, left)
+        entered = _first_to_hold(self.build, here, [t for t in trials if t.gain >= least])
+        self.tried += [_as_tried(t, entered is not None and t.term == entered[0].term) for t in trials]
+        if left >= least:
+            named = entered is not None and entered[0].term.name not in {t.name for t in current.terms}
+            self.tried.append(Tried((*(t.name for t in current.terms), FORM_ERROR), left, not named))
         if entered is None:
-            break
-        trial, here = entered
+            return None
+        trial, there = entered
         others = [t for t in trials if t.term.name != trial.term.name and t.gain <= KNOWN * trial.gain]
-        stand[_key(trial.term)] = tuple(Rival(t.term.effect, trial.gain - t.gain) for t in others)
-        here = _refined(build, _reconsidered(build, here), partitions)
-        report(0.25 + 0.1 * turn, f"{trial.term.name} enters")
-    chosen, current = _backward(here.problem, here.solved, len(fixed), partitions, stand)
-    problem = here.problem
-    there = _where_it_settles(build, problem, current)
-    if there is not None and there.problem is not problem:
+        self.stand[_key(trial.term)] = tuple(Rival(t.term.effect, trial.gain - t.gain) for t in others)
+        return _refined(self.build, _reconsidered(self.build, there), self.partitions)
+
+    def pruned(self, here: Standing) -> tuple[tuple[Chosen, ...], Standing]:
+        """What is left without terms that the others have made superfluous, where the skin is the linearised one."""
+        chosen, current = _backward(here.problem, here.solved, self.fixed, self.partitions, self.stand)
+        there = _where_it_settles(self.build, here.problem, current)
+        if there is None or there.problem is here.problem:
+            return chosen, replace(here, solved=current)
         # What is left may fit as well elsewhere only because the skin was linearised far from there.
-        problem = there.problem
-        chosen, current = _backward(problem, there.solved, len(fixed), partitions, stand)
-    problem, current, specimen = _judged(problem, current, bool(chosen))
-    return Selection(before, current, chosen, problem, tuple(tried), specimen)
+        chosen, current = _backward(there.problem, there.solved, self.fixed, self.partitions, self.stand)
+        return chosen, replace(there, solved=current)
 
 
 def _as_tried(trial: Trial, kept: bool) -> Tried:
@@ -235,18 +277,13 @@ def _first_to_hold(build: Problem, here: Standing, trials: Sequence[Trial]) -> t
         first = left[0]
         alike = [t for t in left if t.term.name == first.term.name and t.gain > ALIKE * first.gain]
         left = [t for t in left if t not in alike]
-        forms = alike if len(alike) <= FORMS else sorted(alike, key=lambda t: _unlikely(t.solved))[:FORMS]
+        forms = alike if len(alike) <= FORMS else sorted(alike, key=lambda t: unlikely(t.solved))[:FORMS]
         places = [(form, _where_it_settles(build, None, form.solved)) for form in forms]
         held = [(form, there) for form, there in places if there is not None and not there.spoils(here)]
         if held:
             form, there = min(held, key=lambda pair: pair[1].misfit)
             return replace(form, gain=first.gain), there
     return None
-
-
-def _unlikely(solved: Solved) -> float:
-    """Half chi-square of the frames fitted and what the freedom of smooth fields costs."""
-    return _of_frames(solved) + freedom(solved)
 
 
 def _where_it_settles(build: Problem, problem: VoltageProblem | None, solved: Solved) -> Standing | None:
@@ -261,130 +298,8 @@ def _where_it_settles(build: Problem, problem: VoltageProblem | None, solved: So
         return None
 
 
-def _worth_trying(found: Sequence[Candidate], least: float) -> list[list[Candidate]]:
-    """The candidates to fit, the second list where nothing of the first is worth a name.
-
-    What no resistor network explains only the instrument can: it comes first. An instrument that would gain less than
-    ``least`` wouldn't be named, and doesn't keep the others from their turn.
-    """
-    instrument = [c for c in found if shown_by(c.term.effect, Signal.NONRECIPROCAL) and c.gain > least]
-    others = [c for c in found if not shown_by(c.term.effect, Signal.NONRECIPROCAL)]
-    listed = [[c for c in instrument if c.gain > WORTH_TRYING * instrument[0].gain]] if instrument else []
-    if others:
-        listed.append([c for c in others if c.gain > max(SIGNIFICANT, WORTH_TRYING * others[0].gain)])
-    return listed
-
-
-def _in_order(trials: Sequence[Trial], current: Solved) -> list[Trial]:
-    """By what they gain; where two gain alike, the one whose name is in the fit already is the likelier."""
-    present = {term.name for term in current.terms}
-    return sorted(trials, key=lambda t: -t.gain * (KNOWN if t.term.name in present else 1.0))
-
-
-def material_cost(numbers: int, cost: float) -> float:
-    """Half chi-square that a change of the rms by ``MATERIAL`` over the noise amounts to, of so many scans' numbers.
-
-    ``cost``: half their chi-square; what no network explains has no part in either.
-    """
-    return 0.5 * numbers * (MATERIAL**2 - 1) * max(1.0, 2 * cost / numbers) ** 0.5
-
-
-def _of_scans(solved: Solved) -> float:
-    """Half chi-square of the scans fitted."""
-    return 0.5 * float((solved.scan_residual**2).sum())
-
-
-def _of_frames(solved: Solved) -> float:
-    """Half chi-square of the frames fitted; the specimen's, which cells held out don't hold either, is left out."""
-    return float(solved.fit.quadratic.cost[:-1].sum())
-
-
-def _residual_count(problem: VoltageProblem) -> int:
-    return int((problem.weight > 0).sum()) * problem.evidence.scan_v.shape[1]
-
-
-def _rms(solved: Solved) -> float:
-    rows = solved.scan_residual.any(axis=1)
-    return float(np.sqrt((solved.scan_residual[rows] ** 2).mean())) if rows.any() else 0.0
-
-
 def _key(term: Term) -> str:
     return f"{term.name}:{getattr(term.effect, 'electrode', getattr(term.effect, 'channel', ''))}"
-
-
-def _different(listed: Sequence[Candidate]) -> list[Candidate]:
-    """The best starts of each name (two, and a smooth field, at most), the best names first."""
-    kept: list[Candidate] = []
-    for candidate in listed:
-        same = [k for k in kept if k.name == candidate.name]
-        forms = {form_of(k.term) for k in same}
-        if len({k.name for k in kept} | {candidate.name}) > TRIED:
-            continue
-        smooth = candidate.term.modes is not None
-        if not same or (form_of(candidate.term) not in forms and (smooth or len(same) < 2)):
-            kept.append(candidate)
-    return kept
-
-
-def _try(
-    problem: VoltageProblem,
-    current: Solved,
-    candidates: Sequence[Candidate],
-    partitions: Sequence[Sequence[int]],
-) -> list[Trial]:
-    """Each candidate fitted for good."""
-    results = []
-    instrument = any(shown_by(c.term.effect, Signal.NONRECIPROCAL) for c in candidates)
-    plain = problem.solve(current.terms, current.calibration, steps=1, leftover=True) if instrument else current
-
-    def trial(solved: Solved) -> Trial:
-        return Trial(solved.terms[-1], gained(plain, solved, partitions), solved)
-
-    problem.reuse = True
-    for candidate in candidates:
-        solved = _beside(problem, plain, candidate.term, instrument)
-        if candidate.term.effect.hypothesis.must_show_at_rest and not _shown_at_rest(problem, current, solved):
-            continue
-        results.append(trial(solved))
-    problem.reuse = False
-    results += [trial(both) for both in _with_remainders(problem, results, partitions)]
-    if results:
-        # Cells are predicted by a step from the fit: one that isn't at its best yet may predict badly, and fit best.
-        k = min(range(len(results)), key=lambda k: _of_frames(results[k].solved))
-        found = results[k]
-        if found.gain < _of_frames(plain) - _of_frames(found.solved) and found.gain < max(t.gain for t in results):
-            results[k] = trial(problem.solve(found.solved.terms, found.solved.calibration, leftover=instrument))
-    return results
-
-
-def _with_remainders(
-    problem: VoltageProblem, trials: Sequence[Trial], partitions: Sequence[Sequence[int]]
-) -> Iterator[Solved]:
-    """The best form of few numbers of each property that varies, and a smooth field for what it leaves."""
-    forms = [t for t in trials if t.term.effect.hypothesis.field and t.term.modes is None and t.gain > 0]
-    for name in dict.fromkeys(t.term.name for t in forms):
-        best = min((t.solved for t in forms if t.term.name == name), key=_of_frames)
-        both = with_smooth_field(problem, best, len(best.terms) - 1, partitions)
-        if both is not None:
-            yield both
-
-
-def _beside(problem: VoltageProblem, current: Solved, term: Term, leftover: bool) -> Solved:
-    """The fit with one more term. A start to first order may lie where no descent comes back from: then from nearer."""
-    fits: list[Solved] = []
-    for share in SHARES:
-        terms = [*current.terms, term.nearer(share)]
-        fits.append(problem.solve(terms, current.calibration, steps=4, leftover=leftover))
-        if fits[-1].cost <= current.cost:
-            break
-    return min(fits, key=lambda fit: fit.cost)
-
-
-def _shown_at_rest(problem: VoltageProblem, current: Solved, drifting: Solved) -> bool:
-    """Whether a drift is seen where nothing presses: what changes from press to press alone may be the places."""
-    rows = problem.evidence.rest & (problem.weight > 0)
-    change = (current.scan_residual[rows] ** 2).sum() - (drifting.scan_residual[rows] ** 2).sum()
-    return bool(0.5 * change > SIGNIFICANT)
 
 
 def _refined(build: Problem, here: Standing, partitions: Sequence[Sequence[int]]) -> Standing:
@@ -413,7 +328,7 @@ def _freed(here: Standing, partitions: Sequence[Sequence[int]]) -> Solved:
             freed = problem.solve(terms, current.calibration)
             gain = gained(current, freed, partitions)
             # No name hangs on a form, and so few numbers can't lower the misfit that much by chance.
-            if gain > SIGNIFICANT or _of_frames(freed) < STILL**2 * _of_frames(current):
+            if gain > SIGNIFICANT or of_frames(freed) < STILL**2 * of_frames(current):
                 current = freed
     return with_smooth_fields(problem, current, partitions)
 
@@ -426,7 +341,7 @@ def _backward(
     stand: dict[str, Rivals],
 ) -> tuple[tuple[Chosen, ...], Solved]:
     """Drop terms the others have made superfluous; what each of the rest is worth."""
-    frames = _residual_count(problem)
+    frames = residual_count(problem)
     while True:
         instrument = any(shown_by(t.effect, Signal.NONRECIPROCAL) for t in current.terms)
         if instrument:
@@ -436,7 +351,7 @@ def _backward(
             rest = [t for i, t in enumerate(current.terms) if i != k]
             without = problem.solve(rest, current.calibration, steps=5, leftover=instrument)
             loss = gained(without, current, partitions)
-            least = max(SIGNIFICANT, material_cost(frames, _of_scans(current)))
+            least = worth_a_name(problem, current)
             if loss < least and (dropped is None or loss < dropped[0]):
                 dropped = (loss, without)
             term = current.terms[k]

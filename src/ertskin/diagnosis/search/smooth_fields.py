@@ -103,7 +103,8 @@ class NodeQuadratic:
         onto[:count, :count] = np.eye(count)
         onto[count:, count:] = directions
         prior = np.concatenate([self.prior, np.full(directions.shape[1], precision)])
-        return held_out_gain(self.gradient @ onto, onto.T @ self.hessian @ onto, prior, self.value, partitions)
+        gain, step = held_out_gain(self.gradient @ onto, onto.T @ self.hessian @ onto, prior, self.value, partitions)
+        return gain, step[count:]
 
     def reduced(self) -> tuple[Array, Array]:
         """Gradient (M,) and Hessian (M,M) of the field alone, the other numbers at their best for each."""

@@ -12,7 +12,7 @@ from ertskin.diagnosis.contract.claims import FORM, estimate
 from ertskin.diagnosis.fit.full_solution_check import Standing
 from ertskin.diagnosis.fit.joint_fit import Solved, Term, held_out
 from ertskin.diagnosis.fit.levenberg_marquardt import Fit, Quadratic
-from ertskin.diagnosis.search import selection
+from ertskin.diagnosis.search import selection, trials
 from ertskin.physics.conduction.mesh import MeshError
 from ertskin.physics.effects.piezo_hysteresis import PiezoHysteresis
 from ertskin.physics.effects.piezo_inhomogeneity import PiezoInhomogeneity
@@ -56,8 +56,8 @@ def test_a_term_that_spoils_frames_solved_in_full_gives_way_to_the_next(monkeypa
     assert selection._first_to_hold(None, here, trials[:1]) is None  # type: ignore[arg-type]
 
 
-def trial(solved: str, name: str, gain: float) -> selection.Trial:
-    return selection.Trial(SimpleNamespace(name=name), gain, solved)  # type: ignore[arg-type]
+def trial(solved: str, name: str, gain: float) -> trials.Trial:
+    return trials.Trial(SimpleNamespace(name=name), gain, solved)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(("gain", "best"), [(30.0, "second"), (20.0, "first")])
@@ -125,9 +125,9 @@ def test_a_fit_that_does_not_come_back_is_begun_from_nearer(costs: list[float], 
 
     problem: Any = SimpleNamespace(solve=solve)
     current: Any = SimpleNamespace(terms=(), calibration=None, cost=10.0)
-    found = selection._beside(problem, current, Term(PiezoHysteresis(width=0.2), ("width",)), leftover=False)
+    found = trials._beside(problem, current, Term(PiezoHysteresis(width=0.2), ("width",)), leftover=False)
     assert found.cost == chosen
-    assert widths == pytest.approx([0.2 * share for share in selection.SHARES[:tried]])
+    assert widths == pytest.approx([0.2 * share for share in trials.SHARES[:tried]])
 
 
 def test_a_drift_must_show_where_nothing_presses() -> None:
@@ -138,8 +138,8 @@ def test_a_drift_must_show_where_nothing_presses() -> None:
         return SimpleNamespace(scan_residual=np.where(rest, resting, pressed)[:, None] * np.ones((4, 20)))
 
     before = residual(2.0, 5.0)
-    assert selection._shown_at_rest(problem, before, residual(1.0, 5.0))
-    assert not selection._shown_at_rest(problem, before, residual(2.0, 1.0))
+    assert trials._shown_at_rest(problem, before, residual(1.0, 5.0))
+    assert not trials._shown_at_rest(problem, before, residual(2.0, 1.0))
 
 
 @pytest.mark.parametrize(("first", "further"), [(-5.0, 95.0), (40.0, 40.0)])
@@ -152,17 +152,17 @@ def test_the_candidate_that_fits_best_is_fitted_to_its_end_where_it_predicts_wor
     loop, spot = Term(PiezoHysteresis(width=0.1), ("width",)), Term(PiezoInhomogeneity(amplitude=0.1), ("amplitude",))
     begun = {loop.name: fit(loop, 3.0, first), spot.name: fit(spot, 70.0, 20.0)}
     problem: Any = SimpleNamespace(reuse=False, solve=lambda terms, start, leftover: fit(terms[0], 3.0, 95.0))
-    monkeypatch.setattr(selection, "_beside", lambda problem, current, term, leftover: begun[term.name])
-    monkeypatch.setattr(selection, "gained", lambda without, present, partitions: present.gain)
-    monkeypatch.setattr(selection, "_with_remainders", lambda problem, trials, partitions: ())
-    monkeypatch.setattr(selection, "_of_frames", lambda solved: solved.cost)
+    monkeypatch.setattr(trials, "_beside", lambda problem, current, term, leftover: begun[term.name])
+    monkeypatch.setattr(trials, "gained", lambda without, present, partitions: present.gain)
+    monkeypatch.setattr(trials, "_with_remainders", lambda problem, trials, partitions: ())
+    monkeypatch.setattr(trials, "of_frames", lambda solved: solved.cost)
     candidates: Any = [SimpleNamespace(term=term, gain=0.0) for term in (loop, spot)]
-    found = selection._try(problem, fit(loop, 100.0, 0.0), candidates, [])
+    found = trials._try(problem, fit(loop, 100.0, 0.0), candidates, [])
     assert [t.gain for t in found] == [further, 20.0]
 
 
 def test_what_is_material_of_the_scans_does_not_hang_on_what_no_network_explains() -> None:
     fit = Fit(np.zeros(1), Quadratic(np.array([9e5, 0.0]), np.zeros((2, 1)), np.zeros((2, 1, 1))), np.zeros((1, 1)), 1)
     solved = Solved(None, (), fit, np.full((100, 10), 1.2))  # type: ignore[arg-type]
-    least = selection.material_cost(1000, selection._of_scans(solved))
+    least = trials.material_cost(1000, trials.of_scans(solved))
     assert least == pytest.approx(0.5 * 1000 * (1.03**2 - 1) * 1.2)

@@ -1,0 +1,106 @@
+"""What the form of an instrument's effect leaves: a nameless part of it, a rival of every further name.
+
+No form is exactly the instrument's: channels of one multiplexer settle each in its own time, say. What is wrong with it
+is taken to be a little of every other form in which the instrument may show the same, each as likely as not (a
+discrepancy as in Kennedy and O'Hagan, J. R. Stat. Soc. B 63 (2001) 425, in the span of these forms). A further name
+must gain beyond that.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ertskin.diagnosis.fit.joint_fit import Solved, VoltageProblem
+from ertskin.diagnosis.search.first_order_gain import held_out_gain, with_columns
+from ertskin.physics.effects.effect import AcquisitionEffect, Effect
+
+Array = NDArray[np.float64]
+
+SPREADS = 0.03, 0.1, 0.3
+"""Standard deviations tried of how much there is of each other form, over the effect's size."""
+
+
+@dataclass(frozen=True, eq=False)
+class FormError:
+    """The error of the instrument's effects in the ``forms`` (r,): ``sizes`` (n+r,) of the steps of the fit's numbers
+    beside it and of the forms, and what it gains in half chi-square held out."""
+
+    forms: tuple[AcquisitionEffect, ...] = ()
+    sizes: Array | None = None
+    gain: float = 0.0
+
+    def expected(self, problem: VoltageProblem, solved: Solved) -> Array:
+        """(T,P) what the error makes of the scans of a problem's frames, in units of the noise."""
+        if self.sizes is None:
+            return np.zeros_like(problem.evidence.scan_v)
+        there = problem.solve(solved.terms, solved.calibration, steps=0)
+        own = len(self.sizes) - len(self.forms)
+        columns = _columns(problem, there, self.forms)
+        return np.asarray(problem.last_columns[0] @ self.sizes[:own] + columns @ self.sizes[own:])
+
+
+def form_error(
+    problem: VoltageProblem, solved: Solved, partitions: Sequence[Sequence[int]], effects: Sequence[Effect]
+) -> FormError:
+    """The error of the likeliest spread, to first order about a fit, of its ``effects``; none where it doesn't gain."""
+    forms = _other_forms(problem, effects)
+    if not forms:
+        return FormError()
+    current = problem.at_hand(solved)
+    known = with_columns(problem, current, _columns(problem, current, forms), current.scan_residual)
+    _add_leftover(problem, current, forms, known)
+    found = [FormError()]
+    for spread in SPREADS:
+        prior = np.concatenate([current.fit.prior.diagonal(), np.full(len(forms), spread**-2)])
+        gain, sizes = held_out_gain(*known, prior, current.fit.value, partitions)
+        found.append(FormError(forms, sizes, gain))
+    return max(found, key=lambda error: error.gain)
+
+
+def _other_forms(problem: VoltageProblem, effects: Sequence[Effect]) -> tuple[AcquisitionEffect, ...]:
+    """Every form in which the instrument may show the same, each as large as the first effect of its name."""
+    instrument = {effect.name: effect for effect in reversed(effects) if isinstance(effect, AcquisitionEffect)}
+    found = []
+    for effect in instrument.values():
+        for start in type(effect).reading_starts(problem.evidence.sensor, problem.evidence.protocol):
+            size = {key: abs(getattr(effect, key)) or getattr(start.effect, key) for key in start.along}
+            found.append(cast(AcquisitionEffect, start.effect.changed(size)))
+    return tuple(found)
+
+
+def _columns(problem: VoltageProblem, solved: Solved, forms: Sequence[AcquisitionEffect]) -> Array:
+    """(T,P,r) what effects of the instrument add to the scans, in units of the noise."""
+    scans = problem.linear.scans(problem.family.skin(solved.calibration, solved.effects))
+    found = np.zeros((*scans.shape, len(forms)))
+    for k, form in enumerate(forms):
+        matrix, offset = problem.acquisition.on_scans(form)
+        found[..., k] = scans @ matrix.T + offset - scans
+    moved = np.where(problem.weight[:, None, None] > 0, found / problem.evidence.noise_v, 0.0)
+    return problem.evidence.discounted(moved)
+
+
+def _add_leftover(
+    problem: VoltageProblem, solved: Solved, forms: Sequence[AcquisitionEffect], known: tuple[Array, Array]
+) -> None:
+    """Count what no network explains in the gradient and Hessian, whose last numbers are those of the ``forms``."""
+    if problem.last_leftover is None:
+        return
+    (gradient, hessian), signal, share = known, problem.acquisition, problem.leftover_share
+    (which, own), where = problem.last_leftover, slice(-len(forms), None)
+    skin = problem.family.skin(solved.calibration, solved.effects)
+    wrong, readings = signal.residual(skin), signal.readings(skin)
+    cells = problem.cells[signal.rows]
+    for cell in np.unique(cells):
+        mine = cells == cell
+        moved = np.stack([signal.beyond_networks(form, readings[mine]) for form in forms], axis=-1)
+        flat = moved.reshape(-1, len(forms)) / problem.evidence.leftover_noise_v
+        curved, cross = hessian[cell], flat.T @ own.reshape(*wrong.shape, -1)[mine].reshape(len(flat), -1)
+        gradient[cell, where] += share * (flat.T @ wrong[mine].ravel())
+        curved[where, where] += share * (flat.T @ flat)
+        curved[where, which] += share * cross
+        curved[which, where] += share * cross.T

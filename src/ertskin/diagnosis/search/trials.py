@@ -1,0 +1,198 @@
+"""Candidates fitted beside the terms at hand: which are worth a fit, how a fit begins, what each gains."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ertskin.diagnosis.fit.joint_fit import Solved, Term, VoltageProblem
+from ertskin.diagnosis.search.candidates import Candidate
+from ertskin.diagnosis.search.form_error import form_error
+from ertskin.diagnosis.search.forms import form_of
+from ertskin.diagnosis.search.gain import freedom, gained
+from ertskin.diagnosis.search.smooth_fields import with_smooth_field
+from ertskin.physics.effects.effect import shown_by
+from ertskin.physics.effects.hypothesis import Signal
+
+SIGNIFICANT = 15.0
+"""Held-out gain in half chi-square that a term must reach: far above what the best of 200 null candidates gains."""
+MATERIAL = 1.03
+"""A term must bring the residual's rms down by this factor of what noise alone leaves, or it isn't worth a name."""
+KNOWN = 1.05
+"""Factor within which a term of a name that is in the fit already gains as much as one of another name."""
+TRIED = 3
+WORTH_TRYING = 0.15
+"""Least part of the best candidate's expected gain that makes another worth a fit."""
+SHARES = 1.0, 0.3, 0.1
+"""Of a candidate's size, at which it is begun."""
+
+
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """A candidate fitted beside the terms at hand, and the half chi-square that it gains held out."""
+
+    term: Term
+    gain: float
+    solved: Solved
+
+
+def trials_of(
+    problem: VoltageProblem,
+    current: Solved,
+    found: Sequence[Candidate],
+    partitions: Sequence[Sequence[int]],
+    left: float,
+) -> list[Trial]:
+    """The likeliest candidates of those ``found``, fitted, best first.
+
+    A further name gains what it gains beyond the form error of the terms at hand, which itself would gain ``left``.
+    """
+    least = worth_a_name(problem, current)
+    trials: list[Trial] = []
+    present = {term.name for term in current.terms}
+    for listed in _worth_trying(found, present, least):
+        trials = _in_order([*trials, *_try(problem, current, _different(listed), partitions, left)], current)
+        if trials and trials[0].gain >= least:
+            break
+    return trials
+
+
+def worth_a_name(problem: VoltageProblem, current: Solved) -> float:
+    """Half chi-square, held out, that a term must gain: what is significant and material."""
+    return max(SIGNIFICANT, material_cost(residual_count(problem), of_scans(current)))
+
+
+def _worth_trying(found: Sequence[Candidate], present: Collection[str], least: float) -> list[list[Candidate]]:
+    """The candidates to fit, each further list where nothing of those before is worth a name.
+
+    What no resistor network explains only the instrument can: it comes first. An instrument that would gain less than
+    ``least`` wouldn't be named, and doesn't keep the others from their turn. More of one whose name is ``present``
+    comes last: it is what the form error of that one already holds against every other name.
+    """
+    instrument = [c for c in found if shown_by(c.term.effect, Signal.NONRECIPROCAL) and c.gain > least]
+    others = [c for c in found if not shown_by(c.term.effect, Signal.NONRECIPROCAL)]
+    new, more = ([c for c in instrument if (c.name in present) is known] for known in (False, True))
+    return [
+        [c for c in alike if c.gain > max(SIGNIFICANT, WORTH_TRYING * alike[0].gain)]
+        for alike in (new, others, more)
+        if alike
+    ]
+
+
+def _in_order(trials: Sequence[Trial], current: Solved) -> list[Trial]:
+    """By what they gain; where two gain alike, the one whose name is in the fit already is the likelier."""
+    present = {term.name for term in current.terms}
+    return sorted(trials, key=lambda t: -t.gain * (KNOWN if t.term.name in present else 1.0))
+
+
+def _different(listed: Sequence[Candidate]) -> list[Candidate]:
+    """The best starts of each name (two, and a smooth field, at most), the best names first."""
+    kept: list[Candidate] = []
+    for candidate in listed:
+        same = [k for k in kept if k.name == candidate.name]
+        forms = {form_of(k.term) for k in same}
+        if len({k.name for k in kept} | {candidate.name}) > TRIED:
+            continue
+        smooth = candidate.term.modes is not None
+        if not same or (form_of(candidate.term) not in forms and (smooth or len(same) < 2)):
+            kept.append(candidate)
+    return kept
+
+
+def _try(
+    problem: VoltageProblem,
+    current: Solved,
+    candidates: Sequence[Candidate],
+    partitions: Sequence[Sequence[int]],
+    left: float = 0.0,
+) -> list[Trial]:
+    """Each candidate fitted for good, beside a form error of the terms at hand that gains ``left`` without it."""
+    results = []
+    instrument = any(shown_by(c.term.effect, Signal.NONRECIPROCAL) for c in candidates)
+    plain = problem.solve(current.terms, current.calibration, steps=1, leftover=True) if instrument else current
+
+    def trial(solved: Solved) -> Trial:
+        gain, term = gained(plain, solved, partitions), solved.terms[-1]
+        if left > 0 and term.name not in {known.name for known in current.terms}:
+            gain += form_error(problem, solved, partitions, solved.effects[:-1]).gain - left
+        return Trial(term, gain, solved)
+
+    problem.reuse = True
+    for candidate in candidates:
+        solved = _beside(problem, plain, candidate.term, instrument)
+        if candidate.term.effect.hypothesis.must_show_at_rest and not _shown_at_rest(problem, current, solved):
+            continue
+        results.append(trial(solved))
+    problem.reuse = False
+    results += [trial(both) for both in _with_remainders(problem, results, partitions)]
+    if results:
+        # Cells are predicted by a step from the fit: one that isn't at its best yet may predict badly, and fit best.
+        k = min(range(len(results)), key=lambda k: of_frames(results[k].solved))
+        found = results[k]
+        if found.gain < of_frames(plain) - of_frames(found.solved) and found.gain < max(t.gain for t in results):
+            results[k] = trial(problem.solve(found.solved.terms, found.solved.calibration, leftover=instrument))
+    return results
+
+
+def _with_remainders(
+    problem: VoltageProblem, trials: Sequence[Trial], partitions: Sequence[Sequence[int]]
+) -> Iterator[Solved]:
+    """The best form of few numbers of each property that varies, and a smooth field for what it leaves."""
+    forms = [t for t in trials if t.term.effect.hypothesis.field and t.term.modes is None and t.gain > 0]
+    for name in dict.fromkeys(t.term.name for t in forms):
+        best = min((t.solved for t in forms if t.term.name == name), key=of_frames)
+        both = with_smooth_field(problem, best, len(best.terms) - 1, partitions)
+        if both is not None:
+            yield both
+
+
+def _beside(problem: VoltageProblem, current: Solved, term: Term, leftover: bool) -> Solved:
+    """The fit with one more term. A start to first order may lie where no descent comes back from: then from nearer."""
+    fits: list[Solved] = []
+    for share in SHARES:
+        terms = [*current.terms, term.nearer(share)]
+        fits.append(problem.solve(terms, current.calibration, steps=4, leftover=leftover))
+        if fits[-1].cost <= current.cost:
+            break
+    return min(fits, key=lambda fit: fit.cost)
+
+
+def _shown_at_rest(problem: VoltageProblem, current: Solved, drifting: Solved) -> bool:
+    """Whether a drift is seen where nothing presses: what changes from press to press alone may be the places."""
+    rows = problem.evidence.rest & (problem.weight > 0)
+    change = (current.scan_residual[rows] ** 2).sum() - (drifting.scan_residual[rows] ** 2).sum()
+    return bool(0.5 * change > SIGNIFICANT)
+
+
+def material_cost(numbers: int, cost: float) -> float:
+    """Half chi-square that a change of the rms by ``MATERIAL`` over the noise amounts to, of so many scans' numbers.
+
+    ``cost``: half their chi-square; what no network explains has no part in either.
+    """
+    return 0.5 * numbers * (MATERIAL**2 - 1) * max(1.0, 2 * cost / numbers) ** 0.5
+
+
+def of_scans(solved: Solved) -> float:
+    """Half chi-square of the scans fitted."""
+    return 0.5 * float((solved.scan_residual**2).sum())
+
+
+def of_frames(solved: Solved) -> float:
+    """Half chi-square of the frames fitted; the specimen's, which cells held out don't hold either, is left out."""
+    return float(solved.fit.quadratic.cost[:-1].sum())
+
+
+def residual_count(problem: VoltageProblem) -> int:
+    return int((problem.weight > 0).sum()) * problem.evidence.scan_v.shape[1]
+
+
+def rms_of(solved: Solved) -> float:
+    rows = solved.scan_residual.any(axis=1)
+    return float(np.sqrt((solved.scan_residual[rows] ** 2).mean())) if rows.any() else 0.0
+
+
+def unlikely(solved: Solved) -> float:
+    """Half chi-square of the frames fitted and what the freedom of smooth fields costs."""
+    return of_frames(solved) + freedom(solved)

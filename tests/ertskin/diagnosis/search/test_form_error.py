@@ -1,0 +1,88 @@
+"""The nameless part of an instrument's effect: channels that differ are its form's error, a sheet is not."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from small_skin import SMALL, small_law, small_sensor
+
+from ertskin.diagnosis.fit.joint_fit import Solved, Term, VoltageProblem
+from ertskin.diagnosis.linear.calibration_vector import SHAPE, Calibration, SkinFamily
+from ertskin.diagnosis.linear.linear_skin import LinearSkin
+from ertskin.diagnosis.recording.evidence import Evidence
+from ertskin.diagnosis.search.form_error import form_error
+from ertskin.physics.effects.crosstalk import Crosstalk
+from ertskin.physics.effects.sheet_anisotropy import SheetAnisotropy
+from ertskin.physics.history import History, Phase
+from ertskin.physics.protocol import Protocol, electrode_pairs
+from ertskin.physics.skin import Skin
+
+PRESSES, CHANNELS, NOISE_V = 4, 6, 1e-5
+SCAN = Protocol.against_sink(electrode_pairs(CHANNELS), CHANNELS, 1e-4)
+CONTACT_OHM = np.linspace(200.0, 900.0, CHANNELS)
+START = Calibration(9000.0, CONTACT_OHM, 0.0, np.zeros(SHAPE))
+SHARES = 4e-3 * np.array([0.4, 1.8, 0.2, 1.0, 1.5, 0.6])
+PARTITIONS = [[k] for k in range(PRESSES)]
+TERM = Term(Crosstalk(fraction=4e-3), ("fraction",))
+
+
+def history() -> History:
+    """Presses at four places, each to 2 mm and back."""
+    depth_m = np.array([np.nan, 1e-3, 2e-3, 1e-3] * PRESSES)
+    phase = np.array([Phase.REST, Phase.LOADING, Phase.LOADING, Phase.UNLOADING] * PRESSES, dtype=np.uint8)
+    press = np.repeat(np.arange(PRESSES), 4)
+    place = np.array([[0.012, 0.01], [0.03, 0.04], [0.04, 0.015], [0.015, 0.035]])[press]
+    contact_m = np.where(np.isfinite(depth_m)[:, None], place, np.nan)[:, None]
+    return History(5.0 * np.arange(16), press, phase, contact_m, depth_m[:, None], np.full((16, 1), np.nan))
+
+
+def fitted(shares: np.ndarray, sheet: SheetAnisotropy | None = None) -> tuple[VoltageProblem, Solved]:
+    """A fit with one crosstalk of readings of which each channel keeps its own share (M,), on a sheet."""
+    skin = Skin.build(small_sensor(), SCAN, small_law(), CONTACT_OHM, 9000.0, (), SMALL)
+    seen = history()
+    force_n = np.nan_to_num(skin.force_n(seen))
+    linear = LinearSkin(skin, seen, force_n, np.arange(len(seen)), None)
+    basis = SCAN.orthonormal
+    true = replace(skin, effects=() if sheet is None else (sheet,))
+    still = (linear.scans(true) @ basis.T).reshape(-1, *SCAN.shape)
+    rng = np.random.default_rng(0)
+    readings = still + NOISE_V * rng.standard_normal(still.shape)
+    for channel, share in enumerate(shares):
+        readings += Crosstalk(fraction=share, channel=channel).distorted_v(still, SCAN) - still
+    flat = readings.reshape(len(seen), -1)
+    scan = flat @ basis
+    evidence = Evidence(
+        skin.sensor, SCAN, seen, scan, (flat - scan @ basis.T).reshape(readings.shape).astype(np.float32), NOISE_V,
+        NOISE_V, float("nan"), None, np.zeros((scan.shape[1], 0)), np.zeros((*scan.shape, 0)),
+        1 - scan.shape[1] / flat.shape[1], np.zeros(CHANNELS, dtype=np.intp),
+    )  # fmt: skip
+    problem = VoltageProblem(evidence, SkinFamily(skin, "fast"), linear, None, seen.press, np.ones(len(seen)))
+    return problem, problem.solve([TERM], START)
+
+
+def rms(residual: np.ndarray) -> float:
+    return float(np.sqrt((residual**2).mean()))
+
+
+def test_channels_that_differ_are_the_form_s_error_and_are_foretold() -> None:
+    problem, solved = fitted(SHARES)
+    error = form_error(problem, solved, PARTITIONS, solved.effects)
+    before, after = (rms(r) for r in (solved.scan_residual, solved.scan_residual - error.expected(problem, solved)))
+    assert before > 1.5
+    assert after**2 - 1 < 0.1 * (before**2 - 1)
+    assert error.gain > 0.5 * solved.cost
+
+
+def test_what_the_sheet_does_is_not_the_instrument_s_error() -> None:
+    problem, solved = fitted(np.full(CHANNELS, 4e-3), SheetAnisotropy(stretch_diagonal=0.02))
+    error = form_error(problem, solved, PARTITIONS, solved.effects)
+    assert rms(solved.scan_residual) > 1.5
+    assert error.gain < 0.2 * solved.cost
+
+
+def test_effects_of_the_skin_have_no_such_error() -> None:
+    problem, solved = fitted(SHARES)
+    error = form_error(problem, solved, PARTITIONS, ())
+    assert error.gain == 0.0
+    assert not error.expected(problem, solved).any()
