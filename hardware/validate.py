@@ -130,6 +130,8 @@ def _describe_protocol(protocol: Protocol, findings: Findings) -> None:
         findings.warnings.append("no reading is taken twice: the noise can't be told from what changes on the skin")
     if protocol.injection_offset_s is None:
         findings.warnings.append("protocol has no injection_offset_s: a press that moves during a scan can't be seen")
+    elif not protocol.timed:
+        findings.warnings.append("injection_offset_s are all alike: a press that moves during a scan can't be seen")
     if protocol.adc_limit_v is None:
         findings.warnings.append("protocol has no adc_limit_v: saturation can't be told from a large reading")
 

@@ -130,6 +130,11 @@ class Protocol:
         """Number of readings taken in a scan."""
         return int(self.taken.sum())
 
+    @property
+    def timed(self) -> bool:
+        """Whether it is known that the injections are read one after another."""
+        return self.injection_offset_s is not None and bool(np.ptp(self.injection_offset_s) > 0)
+
     def filled(self, voltage_v: Array) -> Array:
         """Readings (..., K, M) with nought where none is taken, as they are computed with."""
         return np.where(self.taken, voltage_v, 0.0)

@@ -316,7 +316,7 @@ class Skin:
     ) -> Array:
         """(n,K,M) volt: noise-free readings of the ``wanted`` frames (n,), all by default, with every effect."""
         skews = _of(self.effects, MotionEffect)
-        if skews and self.protocol.injection_offset_s is not None:
+        if skews and self.protocol.timed:
             voltage = self._skewed_v(history, skews[0], force_n, wanted)
         else:
             voltage = self.protocol.readings(self.pair_resistance_ohm(history, force_n, wanted))

@@ -53,7 +53,7 @@ class ScanSkew(MotionEffect):
     @classmethod
     def reading_starts(cls, sensor: Sensor, protocol: Protocol) -> tuple[Start, ...]:
         """At the commanded depth when the scan begins, halfway through it, and when it ends."""
-        if protocol.injection_offset_s is None:
+        if not protocol.timed:
             return ()
         last_s = float(np.max(np.asarray(protocol.injection_offset_s)))
         speed = cls.parameters()["speed_m_per_s"].typical

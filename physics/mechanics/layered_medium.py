@@ -89,9 +89,9 @@ class LayeredMedium:
 
     def __post_init__(self) -> None:
         for layer in self.layers:
-            if layer.thickness_m <= 0 or layer.youngs_modulus_pa <= 0 or not 0 <= layer.poissons_ratio <= 0.5:
+            if layer.thickness_m <= 0 or layer.youngs_modulus_pa <= 0 or not -1 < layer.poissons_ratio <= 0.5:
                 raise ValueError(
-                    f"layer {layer.name!r} needs thickness > 0, modulus > 0 and 0 <= Poisson's ratio <= 0.5"
+                    f"layer {layer.name!r} needs thickness > 0, modulus > 0 and -1 < Poisson's ratio <= 0.5"
                 )
         if not self.layers:
             raise ValueError("a pad needs at least one layer")

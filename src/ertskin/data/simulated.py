@@ -76,9 +76,11 @@ def simulated_trials(config: DictConfig, recording: Recording) -> SimulatedTrial
     """Calibrate and synthesize, unless that is done."""
     if recording.protocol is None:
         raise UserError(f"{config.recording}: has no /protocol, so its readings can't be simulated")
+    plan = planned(config.data.plan)
+    if recording.sensor is not None and len(grid_m(config.grid, recording.sensor)) < plan.contacts:
+        raise UserError(f"trials of {plan.contacts} contacts need as many taxels: choose a grid, as grid=6x6")
     calibration, checksum = ready_calibration(config, recording)
     taxel_m = grid_m(config.grid, calibration.known_sensor)
-    plan = planned(config.data.plan)
     # Presses that land beside their taxels are all at places of their own: nothing to put them together from.
     places_m = taxel_m if plan.jitter_m == 0 else None
     effects = plain(config.effects)

@@ -34,5 +34,12 @@ def evaluated_recordings(config: DictConfig) -> EvaluatedRecordings:
         raise UserError("nothing to test on: give one=FILE (single presses), two=FILE (two weights) or anywhere=FILE")
     source = Path(config.recording)
     return EvaluatedRecordings(
-        source, read_recording(source), paths, {role: read_recording(path) for role, path in paths.items()}
+        source, read_recording(source), paths, {role: _test_recording(path) for role, path in paths.items()}
     )
+
+
+def _test_recording(path: Path) -> Recording:
+    recording = read_recording(path)
+    if recording.frames is not None and not recording.frames.history.touched.any():
+        raise UserError(f"{path}: no frame presses at a known place: nothing to test on")
+    return recording

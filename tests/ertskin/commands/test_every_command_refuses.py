@@ -18,7 +18,7 @@ from ertskin import cli
 from ertskin.hardware import clean_copy, recording
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "hardware"))
-from bad_recordings import REFUSED, spoilt
+from bad_recordings import REFUSED, spoilt, systematic
 
 COMMANDS = {
     "doctor": ["doctor", "recording=bad.h5"],
@@ -72,6 +72,24 @@ def test_a_bad_recording_is_refused_in_one_line(
     assert "Traceback" not in said
     (line,) = (line for line in said.splitlines() if line.startswith("ertskin: "))
     assert "bad.h5" in line
+
+
+@pytest.mark.parametrize(
+    ("case", "command", "told"),
+    [
+        ("frames/phase zeroed", "one", "bad.h5: no frame presses at a known place"),
+        ("frames/phase constant", "two", "bad.h5: no frame presses at a known place"),
+        ("frames/contact_m missing", "anywhere", "bad.h5: no frame presses at a known place"),
+        ("sensor/taxel_m first alone", "synthesize", "trials of 2 contacts need as many taxels"),
+    ],
+)
+def test_a_sound_recording_that_is_of_no_use_for_it_is_refused(
+    case: str, command: str, told: str, place: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    spoilt(place / "train.h5", place / "bad.h5", dict(systematic())[case])
+    assert cli.main(COMMANDS[command]) == 2
+    (line,) = (line for line in capfd.readouterr().err.splitlines() if line.startswith("ertskin: "))
+    assert told in line
 
 
 def loaded(status: int, words: list[str]) -> str:

@@ -7,6 +7,8 @@ import pytest
 
 from ertskin.physics.effects.scan_skew import ScanSkew
 from ertskin.physics.history import History, Phase
+from ertskin.physics.protocol import Protocol, electrode_pairs
+from ertskin.physics.sensor import Sensor, rectangle_m
 
 SCAN_S = 0.4
 MOMENTS_S = np.linspace(0.0, SCAN_S, 5)
@@ -46,3 +48,10 @@ def test_easing_keeps_the_way_and_starts_and_ends_more_slowly(ease: float, histo
     speed = np.diff(eased) / np.diff(moments_s)
     assert speed[0] == pytest.approx((1 - ease) * 1e-3, abs=1e-5)
     assert speed[200] == pytest.approx((1 + 0.5 * ease) * 1e-3, rel=1e-3)
+
+
+@pytest.mark.parametrize(("offset_s", "starts"), [(None, 0), (np.full(28, 1.5), 0), (0.01 * np.arange(28.0), 3)])
+def test_it_is_looked_for_only_where_injections_are_known_to_follow_one_another(offset_s, starts: int) -> None:
+    protocol = Protocol.against_sink(electrode_pairs(8), 8, 1e-4, injection_offset_s=offset_s)
+    assert len(ScanSkew.reading_starts(Sensor(rectangle_m((0.1, 0.1))), protocol)) == starts
+    assert protocol.timed == (starts > 0)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -115,7 +117,10 @@ def test_loads_outside_the_grid_are_refused():
         pad.loads_n(np.array([[2e-3, 0.0]]), np.array([1.0]))
 
 
-def test_point_pressure_of_bricks_is_that_of_the_transform(paper_sensor: Sensor):
+@pytest.mark.parametrize("poissons_ratio", [0.3, -0.3], ids=["neoprene", "auxetic foam"])
+def test_point_pressure_of_bricks_is_that_of_the_transform(paper_sensor: Sensor, poissons_ratio: float):
+    foam, *rest = paper_sensor.layers
+    paper_sensor = replace(paper_sensor, layers=(replace(foam, poissons_ratio=poissons_ratio), *rest))
     pad = quarter_pad(paper_sensor, 0.625e-3, 0.01, 0.0432)
     displacement = pad.solve(pad.loads_n(np.zeros((1, 2)), np.array([0.25])))
     pressure = pad.interface_pressure(displacement, 2)
