@@ -142,3 +142,12 @@ def test_taxel_map_letters_each_known_taxel():
     values[4] = np.nan
     figure = taxel_map(TAXEL_M, values, "force / N", form="{:.0f}")
     assert {text.get_text() for text in figure.axes[0].texts} == {str(k) for k in range(36) if k != 4}
+
+
+def test_long_names_leave_the_panel_its_room():
+    names = [f"{kind} (with sheet_inhomogeneity, piezo_hysteresis, scan_skew)" for kind in ("contacts", "reciprocal")]
+    compared = method_comparison(names, [np.ones(1), np.ones(1)], "force error / N", [True, True])
+    by_force = hit_rate_by_force(np.linspace(0, 5, 40), {name: np.ones(40, bool) for name in names})
+    for figure in (compared, by_force):
+        png(figure)
+        assert figure.axes[0].get_position().width > 0.5

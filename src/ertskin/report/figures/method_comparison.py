@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from ertskin.report.figures.style import BLUE, FAINT, INK, ORANGE, panels, styled
+from ertskin.report.figures.style import BLUE, FAINT, INK, ORANGE, in_lines, panels, styled
 
 Array = NDArray[np.float64]
 
@@ -20,7 +20,9 @@ def method_comparison(
     paper: float | None = None,
 ) -> Figure:
     """``values[k]`` (S,): one value per seed of method ``names[k]``; learned networks stand out in colour."""
-    figure, (axes,) = panels(width=4.4, height=0.26 * len(names) + 0.9)
+    written = [in_lines(name) for name in names]
+    lines = [1 + name.count("\n") for name in written]
+    figure, (axes,) = panels(width=4.4, height=0.26 * len(names) + 0.14 * (sum(lines) - len(lines)) + 0.9)
     place = np.arange(len(names))[::-1]
     for y, value, own in zip(place, values, learned, strict=True):
         colour = BLUE if own else INK
@@ -30,7 +32,7 @@ def method_comparison(
     if paper is not None:
         axes.axvline(paper, color=ORANGE, lw=0.9, ls="--")
         axes.text(paper, len(names) - 0.45, "published", color=ORANGE, fontsize=7, ha="center", va="bottom")
-    axes.set_yticks(place, names)
+    axes.set_yticks(place, written)
     axes.set_ylim(-0.6, len(names) - 0.3)
     axes.grid(axis="y", color=FAINT, lw=0.4)
     axes.spines["left"].set_visible(False)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Callable
 from functools import wraps
 from typing import Any, ParamSpec
@@ -64,6 +65,11 @@ def panels(columns: int = 1, rows: int = 1, width: float = 4.2, height: float = 
     figure = Figure(figsize=(width * columns, height * rows), layout="constrained")
     axes = figure.subplots(rows, columns, squeeze=False)
     return figure, list(axes.ravel())
+
+
+def in_lines(name: str, most: int = 26) -> str:
+    """A method's name in lines of at most so many characters: the names of effects are long, panels are not."""
+    return textwrap.fill(name, most, break_long_words=False, break_on_hyphens=False)
 
 
 def ink_on(darkness: float) -> str:
