@@ -59,7 +59,7 @@ class MeasuredNoise:
         # What a frame differs by from the mean of the others is larger than its own noise by that of the mean.
         centred = (coordinates - zero @ coordinates) / np.sqrt(1.0 + (zero**2).sum(axis=1, keepdims=True))
         slope_v = np.zeros((coordinates.shape[1], 0)) if slope_v is None else slope_v
-        known, left = _along(centred, slope_v, std_v)
+        known, left = _along(centred, slope_v, std_v, margin)
         drift = np.concatenate([known, _drift(left, std_v, margin)])
         return cls(protocol, std_v, drift, rate, leftover[flagged])
 
@@ -94,15 +94,20 @@ def _white_std(protocol: Protocol, leftover: Array, change: Array) -> float:
     return float(robust_std(leftover)) * float(np.sqrt(protocol.count / spare))
 
 
-def _along(centred: Array, slope_v: Array, std_v: float) -> tuple[Array, Array]:
-    """(m,P) the slopes times the standard deviations of what each is of, and what (T,P) they leave of the frames."""
-    if not slope_v.size:
-        return slope_v.T, centred
+def _along(centred: Array, slope_v: Array, std_v: float, margin: float) -> tuple[Array, Array]:
+    """(m,P) slopes times the standard deviations of what each is of, and what (T,P) they leave of the frames; slopes
+    along which white noise alone would nearly show as much are left out."""
+    slope_v = slope_v[:, np.square(_changes(centred, slope_v, std_v)).mean(axis=0) > margin]
     told = np.linalg.pinv(slope_v)
-    change = centred @ told.T
-    known = std_v**2 * np.einsum("mp,mp->m", told, told)
-    variance = (change**2).mean(axis=0) - known
-    return np.sqrt(np.maximum(variance, 0.0))[:, None] * slope_v.T, centred - change @ slope_v.T
+    size = std_v * np.linalg.norm(told, axis=1)
+    variance = np.maximum(np.square(_changes(centred, slope_v, std_v)).mean(axis=0) - 1.0, 0.0)
+    return (np.sqrt(variance) * size)[:, None] * slope_v.T, centred - centred @ told.T @ slope_v.T
+
+
+def _changes(centred: Array, slope_v: Array, std_v: float) -> Array:
+    """(T,m) of what the slopes are of, each in units of what white noise makes it err by."""
+    told = np.linalg.pinv(slope_v)
+    return np.asarray(centred @ told.T / np.maximum(std_v * np.linalg.norm(told, axis=1), np.finfo(float).tiny))
 
 
 def _drift(centred: Array, std_v: float, margin: float) -> Array:

@@ -82,6 +82,22 @@ def test_what_is_known_to_wander_is_measured_along_it():
     assert square(MeasuredNoise.from_rest(PROTOCOL, frames)) > 1.5
 
 
+def test_what_does_not_wander_is_given_no_noise_by_chance():
+    rng = np.random.default_rng(4)
+    slope = rng.standard_normal((PAIRS, 9))
+    truth = MeasuredNoise(PROTOCOL, 2e-3, np.zeros((0, PAIRS)), 0.0, np.zeros(1))
+    rest = PROTOCOL.readings(np.full(PAIRS, 1e4)).ravel()
+    found = [
+        len(
+            MeasuredNoise.from_rest(
+                PROTOCOL, (rest + truth.readings(rng, 7)).reshape(7, *PROTOCOL.shape), slope
+            ).drift_v
+        )
+        for _ in range(20)
+    ]
+    assert np.mean(found) < 0.5
+
+
 def test_what_the_frames_before_and_after_foretell_is_no_noise():
     rng = np.random.default_rng(3)
     slope = rng.standard_normal((PAIRS, 2))
