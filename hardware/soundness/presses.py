@@ -45,9 +45,12 @@ def _dead_load_cell(recording: Recording, force_n: Array, depth_m: Array) -> Ite
 
 
 def negated(field: str, values: Array, rule: str) -> Iterator[Doubt]:
-    """A fault where the values, NaN aside, reach further below zero than above."""
+    """A fault where the values, NaN aside, reach further below zero than above.
+
+    One or two may be the noise of a load cell that has hardly touched, as where a press is cut off as it begins.
+    """
     known = values[np.isfinite(values)]
-    if known.size and -known.min() > known.max():
+    if known.size > 2 and -known.min() > known.max():
         yield Doubt(field, f"values from {known.min():.3g} to {known.max():.3g}, as if negated", rule)
 
 
