@@ -119,6 +119,25 @@ def test_near_pairs_leave_little() -> None:
         np.testing.assert_allclose(near.pair_resistances(contact[:, ::-1], force[:, ::-1]), got, rtol=1e-12)
 
 
+def test_what_pairs_do_together_is_as_good_from_a_table() -> None:
+    fine, sheet = pressed(FINE, 0.0, Levelling()), pressed(COARSE, 1e-4, Levelling())
+    solved, tabulated = (
+        TrialSolver(fine, [Level(0.0, sheet), Level(0.011, sheet, table)], PLACES, 10.0) for table in (False, True)
+    )
+    contact, force = random_presses(40, 2, 5)
+    exact, got = (each.pair_resistances(contact, force) for each in (solved, tabulated))
+    far = np.hypot(*(contact[:, 0] - contact[:, 1]).T) >= 0.011
+    first, second = (solved.pair_resistances(contact[:, [k]], force[:, [k]]) for k in (0, 1))
+    together = error_v(exact + fine.rest.pair_resistance_ohm, first + second)
+    np.testing.assert_array_equal(got[~far], exact[~far])
+    error = error_v(got[far], exact[far])
+    assert (error > 0).all()
+    # Some 5 % of it, here as on the paper's sheet and pad.
+    assert np.linalg.norm(error) < 0.1 * np.linalg.norm(together[far])
+    three, weights = random_presses(3, 3, 6)
+    np.testing.assert_array_equal(tabulated.pair_resistances(three, weights), solved.pair_resistances(three, weights))
+
+
 def test_a_tenth_of_the_noise_for_the_hardest_neighbours() -> None:
     """The bound of the module's head: the paper's sheet, taxels 20, 28 and 40 mm apart, 10 N on each."""
     places = np.array([[0.03, 0.03], [0.05, 0.03], [0.05, 0.05], [0.03, 0.07]])

@@ -1,4 +1,4 @@
-"""What is still lacking for two contacts near one another, as a polynomial of both forces."""
+"""What two contacts do together, as a polynomial of both forces."""
 
 from __future__ import annotations
 
@@ -16,29 +16,34 @@ FORCES = np.array([0.2, 0.5, 1.0])
 POWERS = np.array([1, 2, 3])
 
 
-class NearPairs:
-    """``lacking(contacts, forces)`` at every pair of ``places_m`` (C,2) nearer than ``near_m``, interpolated in force.
+class PairTable:
+    """``together(contacts, forces)`` at every pair of ``places_m`` (C,2) from ``least_m`` on and less than ``most_m``
+    apart, interpolated in force.
 
-    It vanishes where either force does, so a product of two cubics through zero carries it. ``lacking`` takes contacts
+    It vanishes where either force does, so a product of two cubics through zero carries it. ``together`` takes contacts
     (N,2,2) and forces (N,2), and is asked for nine pairs of forces at each pair of places.
     """
 
-    def __init__(self, lacking: Solve, places_m: Array, near_m: float, max_force_n: float) -> None:
+    def __init__(
+        self, together: Solve, places_m: Array, max_force_n: float, least_m: float = 0.0, most_m: float = np.inf
+    ) -> None:
         apart = np.hypot(*(places_m[:, None] - places_m).transpose(2, 0, 1))
-        pairs = np.argwhere(np.triu(apart < near_m, 1))
+        pairs = np.argwhere(np.triu((apart >= least_m) & (apart < most_m), 1))
         self.max_force_n = max_force_n
         self._number = np.full(apart.shape, -1)
         self._number[tuple(pairs.T)] = np.arange(len(pairs))
         self._coefficient = np.zeros((0, len(POWERS), len(POWERS), 1))
         if len(pairs):
             both = np.stack(np.meshgrid(FORCES, FORCES, indexing="ij"), axis=2).reshape(-1, 2)
-            found = lacking(places_m[np.repeat(pairs, len(both), axis=0)], max_force_n * np.tile(both, (len(pairs), 1)))
+            found = together(
+                places_m[np.repeat(pairs, len(both), axis=0)], max_force_n * np.tile(both, (len(pairs), 1))
+            )
             inverse = np.linalg.inv(FORCES[:, None] ** POWERS)
             table = found.reshape(len(pairs), len(FORCES), len(FORCES), -1)
             self._coefficient = np.einsum("ak,bl,nklp->nabp", inverse, inverse, table, optimize=True)
 
     def of(self, place: Indices, force_n: Array) -> Array:
-        """(N,numbers) sum over the near pairs among contacts at places numbered (N,P), -1 for an absent one.
+        """(N,numbers) sum over the table's pairs among contacts at places numbered (N,P), -1 for an absent one.
 
         Each row is the same whatever other rows there are.
         """
