@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import fields
 
 from ertskin.commands import verbs
 from ertskin.configuration import choices, config_dir
+from ertskin.diagnosis.criteria import Criteria, described
 from ertskin.physics.effects.effect import Effect
 from ertskin.physics.effects.registry import effect_classes
+from ertskin.settings import limits_of
 
 
 def commands() -> str:
@@ -57,6 +60,22 @@ def effect_pages() -> str:
     return "\n".join(parts)
 
 
+def criteria() -> str:
+    """Every number that a diagnosis decides by: its default, unit and limits, what it means, what set it."""
+    about = described()
+    rows = [
+        f"| `{each.name}` | {each.default:g} {about[each.name].unit}, {_range(limits_of(each))} "
+        f"| {about[each.name].meaning} | {about[each.name].source} |"
+        for each in fields(Criteria)
+    ]
+    return "\n".join(["| criterion | default, limits | meaning | set by |", "| --- | --- | --- | --- |", *rows])
+
+
+def _range(limits: Mapping[str, float]) -> str:
+    words = {"above": "above {:g}", "least": "at least {:g}", "most": "at most {:g}"}
+    return " and ".join(words[limit].format(bound) for limit, bound in limits.items())
+
+
 def _summary(kind: type[Effect]) -> str:
     """What the effect's file says it is about."""
     text = inspect.getdoc(inspect.getmodule(kind)) or ""
@@ -78,6 +97,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "commands": commands,
     "command_pages": command_pages,
     "groups": groups,
+    "criteria": criteria,
     "effects": effects,
     "effect_pages": effect_pages,
 }

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from threadpoolctl import threadpool_limits
 
 from ertskin.diagnosis.contract.claims import Diagnosis, HeldOut
+from ertskin.diagnosis.criteria import DEFAULT, Criteria
 from ertskin.diagnosis.judge.result import Findings
 from ertskin.diagnosis.search.selection import select
 from ertskin.diagnosis.skin import Selector, diagnose
@@ -16,32 +17,38 @@ Report = Callable[[float | None, str], None]
 
 
 def diagnose_any(
-    recording: Recording, name: str, report: Report, resolution: str = "fine", selector: Selector = select
+    recording: Recording,
+    name: str,
+    report: Report,
+    resolution: str = "fine",
+    selector: Selector = select,
+    criteria: Criteria = DEFAULT,
 ) -> Findings:
     """Diagnose whatever the recording holds, with one BLAS thread in each thread; ``selector`` chooses the effects."""
     with threadpool_limits(1, user_api="blas"):
-        return _diagnosed(recording, name, report, resolution, selector)
+        return _partial(recording, name, criteria) or diagnose(recording, name, report, resolution, selector, criteria)
 
 
-def _diagnosed(recording: Recording, name: str, report: Report, resolution: str, selector: Selector) -> Findings:
+def _partial(recording: Recording, name: str, criteria: Criteria) -> Findings | None:
+    """The findings of a recording that isn't a whole skin's, None of one that is."""
     if recording.frames is None and recording.coupon is not None:
         from ertskin.diagnosis.coupon.diagnosis import diagnose_coupon
 
-        return diagnose_coupon(recording.coupon, name)
+        return diagnose_coupon(recording.coupon, name, criteria)
     if recording.frames is None and recording.specimen is not None:
         from ertskin.diagnosis.specimen.diagnosis import diagnose_specimen
 
-        return diagnose_specimen(recording.specimen, name)
+        return diagnose_specimen(recording.specimen, name, criteria)
     if recording.frames is not None and recording.protocol is None:
         return _refused(name, "the recording has no protocol: what a reading means is unknown")
     pressed = recording.frames is not None and bool(recording.frames.history.touched.any())
     if recording.frames is not None and recording.sensor is not None and recording.specimen is None and not pressed:
         from ertskin.diagnosis.tank.diagnosis import diagnose_tank
 
-        return diagnose_tank(recording, name)
+        return diagnose_tank(recording, name, criteria)
     if recording.frames is None:
         return _refused(name, "the recording holds neither frames nor a coupon or specimen")
-    return diagnose(recording, name, report, resolution, selector)
+    return None
 
 
 def _refused(name: str, reason: str) -> Findings:

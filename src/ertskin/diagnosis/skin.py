@@ -8,7 +8,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ertskin.diagnosis.contract.claims import MATERIAL_RATIO, Diagnosis, HeldOut
+from ertskin.diagnosis.contract.claims import Diagnosis, HeldOut
+from ertskin.diagnosis.criteria import DEFAULT, Criteria
 from ertskin.diagnosis.design.doubtful_claim import settling_press
 from ertskin.diagnosis.fit.joint_fit import Solved, Term, VoltageProblem
 from ertskin.diagnosis.judge.answer import answered
@@ -40,14 +41,19 @@ START_RATIO = 0.0
 
 
 def diagnose(
-    recording: Recording, name: str, report: Report, resolution: str = "fine", selector: Selector = select
+    recording: Recording,
+    name: str,
+    report: Report,
+    resolution: str = "fine",
+    selector: Selector = select,
+    criteria: Criteria = DEFAULT,
 ) -> Findings:
     """Diagnose a skin's recording; what it can't say ends in a ``cannot_tell`` with the reason.
 
     ``selector`` chooses the effects.
     """
     try:
-        return _diagnose(recording, name, report, resolution, selector)
+        return _diagnose(recording, name, report, resolution, selector, criteria)
     except CannotTell as error:
         reason = str(error)
     except np.linalg.LinAlgError:
@@ -57,9 +63,11 @@ def diagnose(
     return Findings(Diagnosis(name, "cannot_tell", HeldOut("none", None, None, None, None), reason=reason))
 
 
-def _diagnose(recording: Recording, name: str, report: Report, resolution: str, selector: Selector) -> Findings:
+def _diagnose(
+    recording: Recording, name: str, report: Report, resolution: str, selector: Selector, criteria: Criteria
+) -> Findings:
     report(0.01, "reading the evidence")
-    evidence = gather(recording)
+    evidence = gather(recording, criteria)
     report(0.04, "calibrating at rest, fitting force and depth")
     baseline = calibrated(recording, evidence, resolution)
     noise = baseline.noise
@@ -70,13 +78,13 @@ def _diagnose(recording: Recording, name: str, report: Report, resolution: str, 
     plain = _plain(evidence, baseline, family, fitted, selection)
     report(0.85, "predicting presses no fit has seen")
     found = predictions(evidence, baseline, plain, selection, family, held)
-    if found.ratio_after > MATERIAL_RATIO:
+    if found.ratio_after > criteria.mismatch_ratio:
         found = replace(found, known_ratio=_known_ratio(evidence, baseline, family, selection, found))
     selection, found = unspoilt(evidence, baseline, selection, family, found)
     skin = family.skin(selection.after.calibration, selection.after.effects)
-    differ = _presses_that_differ(selection, skin) if found.ratio_after > MATERIAL_RATIO else None
+    differ = _presses_that_differ(selection, skin) if found.ratio_after > criteria.mismatch_ratio else None
     findings = with_quantities(answered(name, evidence, baseline, selection, found, differ), family)
-    if (findings.diagnosis.unexplained_ratio or 0.0) > MATERIAL_RATIO:
+    if (findings.diagnosis.unexplained_ratio or 0.0) > criteria.mismatch_ratio:
         report(0.9, "predicting what no name explains")
         findings = _with_remainder(findings, selection, found)
     report(0.92, "looking for the press that would settle what is in doubt")
@@ -175,4 +183,4 @@ def _presses_that_differ(selection: Selection, skin: Skin) -> Repeatability | No
 
     place_m, load_n = history.contact_m[rows, 0], np.nansum(linear.force_n[linear.wanted[rows]], axis=1)
     found = repeatability(residual[rows], scans, skin, linear.force_n, history.press[rows], place_m, load_n)
-    return found if found.matters else None
+    return found if found.matters(evidence.criteria) else None

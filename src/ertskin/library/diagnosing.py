@@ -7,6 +7,7 @@ from dataclasses import replace
 
 from ertskin.diagnosis.any_recording import diagnose_any
 from ertskin.diagnosis.contract.claims import Diagnosis
+from ertskin.diagnosis.criteria import DEFAULT, Criteria
 from ertskin.diagnosis.output.joint_calibration import joint_calibration
 from ertskin.library.source import RecordingSource, recording_of
 
@@ -15,6 +16,7 @@ def diagnose(
     recording: RecordingSource,
     *,
     resolution: str = "fine",
+    criteria: Criteria = DEFAULT,
     report: Callable[[float | None, str], None] = lambda share, text: None,
 ) -> Diagnosis:
     """Diagnose a recording, or the file at a path; seconds to minutes.
@@ -26,6 +28,7 @@ def diagnose(
     Args:
         recording: a recording in memory, or the path of one.
         resolution: "fast" or "fine": how finely the sheet is meshed. Coarse meshes look like effects.
+        criteria: the numbers that are decided by, as ``Criteria(mismatch_ratio=1.1)``.
         report: called with the share done, None where it isn't known, and a line of text.
 
     Raises:
@@ -33,5 +36,5 @@ def diagnose(
         RecordingError: where the file can't be read.
     """
     read, name = recording_of(recording)
-    findings = diagnose_any(read, name, report, resolution)
+    findings = diagnose_any(read, name, report, resolution, criteria=criteria)
     return replace(findings.diagnosis, calibration=joint_calibration(findings))

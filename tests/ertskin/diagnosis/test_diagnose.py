@@ -16,6 +16,7 @@ from ertskin.data.sources import CALIBRATION, calibration_folder, calibration_pa
 from ertskin.data.touches import touches_of
 from ertskin.diagnosis.any_recording import diagnose_any
 from ertskin.diagnosis.contract.claims import Diagnosis
+from ertskin.diagnosis.criteria import Criteria
 from ertskin.diagnosis.judge.result import Findings
 from ertskin.diagnosis.output.joint_calibration import write_joint_calibration
 from ertskin.hardware.recording import read_recording
@@ -79,8 +80,12 @@ def named_and_predicting(found: Diagnosis, name: str) -> None:
 
 
 @pytest.mark.timeout(300)
-def test_what_was_left_out_is_named_and_predicts(tmp_path: Path) -> None:
+def test_what_was_left_out_is_named_and_predicts_where_the_criteria_let_it(tmp_path: Path) -> None:
     named_and_predicting(diagnosed(tmp_path, {"crosstalk": 1.0}, seed=6), "crosstalk")
+    strict, recording = Criteria(significant_gain=1e9), read_recording(tmp_path / "hidden.h5")
+    found = diagnose_any(recording, "hidden.h5", lambda share, text: None, "fast", criteria=strict).diagnosis
+    assert found.verdict == "unexplained"
+    assert not found.claims
 
 
 @pytest.mark.timeout(300)

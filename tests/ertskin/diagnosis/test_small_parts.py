@@ -20,6 +20,7 @@ from ertskin.diagnosis.contract.claims import (
     gathered,
     verdict_of,
 )
+from ertskin.diagnosis.criteria import DEFAULT
 from ertskin.diagnosis.fit.levenberg_marquardt import Quadratic, descend
 from ertskin.diagnosis.force.fit import ForceData, fit_force, force_starts, select_force_effects
 from ertskin.diagnosis.judge.held_out import broad_ratio
@@ -76,10 +77,10 @@ def test_hats_sum_to_one_and_reproduce_a_plane() -> None:
 
 
 def test_confidence_is_shared_with_rivals_that_fit_as_well() -> None:
-    alone, nothing = confidences((("piezo_creep", 500.0),))
+    alone, nothing = confidences((("piezo_creep", 500.0),), DEFAULT)
     assert alone == 0.99
     assert nothing == ()
-    tied, rivals = confidences((("piezo_creep", 0.0),))
+    tied, rivals = confidences((("piezo_creep", 0.0),), DEFAULT)
     assert tied == pytest.approx(0.5)
     assert rivals == (("piezo_creep", 0.5),)
 
@@ -94,7 +95,7 @@ def test_confidence_is_shared_with_rivals_that_fit_as_well() -> None:
     ],
 )
 def test_verdicts(before: float, after: float, named: bool, expected: str) -> None:
-    assert verdict_of(before, after, named, False) == expected
+    assert verdict_of(before, after, named, DEFAULT) == expected
 
 
 def test_written_diagnosis_keeps_the_contract_and_its_effects_build(tmp_path) -> None:

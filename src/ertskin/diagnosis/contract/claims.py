@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ertskin.calibration.result import Calibration
+from ertskin.diagnosis.criteria import Criteria
 from ertskin.diagnosis.judge.repeatability import Repeatability
 from ertskin.physics.effects.effect import Effect, Parameter
 
@@ -17,9 +18,6 @@ QUANTILE = 1.645
 FORM = 0.02
 """Part of an effect's size that no interval is narrower than to either side: another form of the same effect moves its
 value by so much (a drift that settles by 1 %, a multiplexer that leaks twice by 1 to 3 %)."""
-MATERIAL_RATIO = 1.05
-TEMPERATURE = 10.0
-"""Half chi-square by which evidence is discounted: forms are never exact, and frames of a press share their errors."""
 
 
 @dataclass(frozen=True)
@@ -227,28 +225,32 @@ def estimate(value: float, error: float, known: Parameter) -> Estimate:
     return Estimate(value, max(value - half, known.low), min(value + half, known.high), known.unit)
 
 
-def against(rivals: tuple[Rival, ...]) -> tuple[float, tuple[tuple[str, float], ...]]:
+def against(rivals: tuple[Rival, ...], criteria: Criteria) -> tuple[float, tuple[tuple[str, float], ...]]:
     """``confidences`` of a term with these rivals."""
-    return confidences(tuple((rival.effect.name, rival.short) for rival in rivals))
+    return confidences(tuple((rival.effect.name, rival.short) for rival in rivals), criteria)
 
 
-def confidences(rivals: tuple[tuple[str, float], ...]) -> tuple[float, tuple[tuple[str, float], ...]]:
+def confidences(
+    rivals: tuple[tuple[str, float], ...], criteria: Criteria
+) -> tuple[float, tuple[tuple[str, float], ...]]:
     """Confidence of a term and of its rivals, from the half chi-square by which they fall short."""
     best: dict[str, float] = {}
     for name, short in rivals:
         best[name] = min(short, best.get(name, np.inf))
-    weights = {name: float(np.exp(-max(short, 0.0) / TEMPERATURE)) for name, short in best.items()}
+    weights = {name: float(np.exp(-max(short, 0.0) / criteria.evidence_discount)) for name, short in best.items()}
     total = 1.0 + sum(weights.values())
     shared = tuple((n, w / total) for n, w in sorted(weights.items(), key=lambda i: -i[1]) if w / total > 0.01)
-    return min(1.0 / total, 0.99), shared
+    return min(1.0 / total, criteria.surest_confidence), shared
 
 
-def verdict_of(ratio_before: float, ratio_after: float, named: bool, other_mismatch: bool) -> str:
+def verdict_of(
+    ratio_before: float, ratio_after: float, named: bool, criteria: Criteria, other_mismatch: bool = False
+) -> str:
     """The verdict from held-out ratios; ``other_mismatch``: a material misfit of force or instrument."""
-    material = ratio_before > MATERIAL_RATIO or other_mismatch
+    material = ratio_before > criteria.mismatch_ratio or other_mismatch
     if not named:
         return "unexplained" if material else "no_mismatch"
-    return "explained" if ratio_after <= MATERIAL_RATIO else "partly_explained"
+    return "explained" if ratio_after <= criteria.mismatch_ratio else "partly_explained"
 
 
 def gathered(claims: tuple[Claim, ...]) -> list[tuple[Claim, str]]:

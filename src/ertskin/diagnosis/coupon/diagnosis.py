@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ertskin.diagnosis.contract.claims import (
-    MATERIAL_RATIO,
     QUANTILE,
     Claim,
     Diagnosis,
@@ -26,6 +25,7 @@ from ertskin.diagnosis.contract.claims import (
 from ertskin.diagnosis.coupon.compression import Compression, prepared
 from ertskin.diagnosis.coupon.figures import coupon_figure
 from ertskin.diagnosis.coupon.fit import CouponModel, elastic_model, fit_coupon, memory, rmse_n
+from ertskin.diagnosis.criteria import DEFAULT, Criteria
 from ertskin.diagnosis.judge.partial_result import DrawnFindings
 from ertskin.diagnosis.judge.quantities import Spread, stated
 from ertskin.diagnosis.judge.result import Findings
@@ -53,8 +53,6 @@ def held_by(starts: Iterable[Start]) -> frozenset[str]:
 
 
 HELD = held_by(starts[0] for starts in STARTS.values())
-WORSE = 1.02
-"""Misfit of later cycles, over that with the effect, from which an effect is needed."""
 FEW = 50
 
 
@@ -77,7 +75,7 @@ class Trial:
         return float(fast + (self.out_n**2 - best.out_n**2) / max(best.out_n, best.inside_n) ** 2)
 
 
-def diagnose_coupon(coupon: Coupon, name: str) -> Findings:
+def diagnose_coupon(coupon: Coupon, name: str, criteria: Criteria = DEFAULT) -> Findings:
     """Which effects the fast cycles show, and how well they predict the part of the test that no fit has seen."""
     test = prepared(coupon)
     cycles = np.unique(test.cycle[test.fast & (test.cycle > 0)])
@@ -92,15 +90,15 @@ def diagnose_coupon(coupon: Coupon, name: str) -> Findings:
     form, trial = FORM, tried(test, fitted, out, FORM, HELD)
     without = {e.name: tried(test, fitted, out, tuple(o for o in form if o is not e), HELD) for e in form}
     while form:
-        idle = [e for e in form if not _needed(without[e.name], trial, int(fitted.sum()))]
+        idle = [e for e in form if not _needed(without[e.name], trial, int(fitted.sum()), criteria)]
         if not idle:
             break
         least = min(idle, key=lambda e: without[e.name].inside_n)
         trial, form = without[least.name], tuple(e for e in form if e is not least)
         without = {e.name: tried(test, fitted, out, tuple(o for o in form if o is not e), HELD) for e in form}
-    claims = tuple(_claim(test, (fitted, out), trial, without[effect.name], effect) for effect in trial.model.effects)
+    claims = tuple(_claim(test, (fitted, out), trial, without[e.name], e, criteria) for e in trial.model.effects)
     after = trial.out_n if claims else before
-    verdict = verdict_of(before / noise, after / noise, bool(claims), other_mismatch=False)
+    verdict = verdict_of(before / noise, after / noise, bool(claims), criteria)
     caption = f"Shaded: held out ({split}). The elastic curve's shape is free in both."
     return DrawnFindings(
         Diagnosis(
@@ -111,7 +109,7 @@ def diagnose_coupon(coupon: Coupon, name: str) -> Findings:
             depends_on=("history", "force") if claims else (),
             claims=claims,
             unexplained_ratio=after / noise,
-            unexplained_depends_on=("history",) if after > MATERIAL_RATIO * noise else (),
+            unexplained_depends_on=("history",) if after > criteria.mismatch_ratio * noise else (),
         ),
         drawings=(("The compression test", caption, lambda: coupon_figure(test, out, elastic, trial.model)),),
     )
@@ -149,15 +147,23 @@ def tried(test: Compression, fitted: Rows, out: Rows, form: tuple[FoamEffect, ..
     )
 
 
-def _needed(without: Trial, trial: Trial, samples: int) -> bool:
+def _needed(without: Trial, trial: Trial, samples: int, criteria: Criteria) -> bool:
     """Whether leaving an effect out costs more than its parameters are worth, and predicts later cycles worse."""
     independent = samples / trial.alike
     gain = independent * np.log(without.inside_n / trial.inside_n)
     freed = len(trial.model.names) - len(without.model.names)
-    return bool(gain > 0.5 * freed * np.log(independent) and without.later_n > WORSE * trial.later_n)
+    worse = without.later_n > criteria.chance_ratio * trial.later_n
+    return bool(gain > 0.5 * freed * np.log(independent) and worse)
 
 
-def _claim(test: Compression, split: tuple[Rows, Rows], trial: Trial, without: Trial, effect: FoamEffect) -> Claim:
+def _claim(
+    test: Compression,
+    split: tuple[Rows, Rows],
+    trial: Trial,
+    without: Trial,
+    effect: FoamEffect,
+    criteria: Criteria,
+) -> Claim:
     samples = int(split[0].sum())
     rivals = [("none", without.shortfall(trial, samples))]
     for other, (first, *freer) in STARTS.items():
@@ -166,7 +172,7 @@ def _claim(test: Compression, split: tuple[Rows, Rows], trial: Trial, without: T
             held = held_by(start if s is first else s for s in (several[0] for several in STARTS.values()))
             form = (cast(FoamEffect, start.effect), *rest)
             rivals.append((other, tried(test, *split, form, held).shortfall(trial, samples)))
-    confidence, alternatives = confidences(tuple(rivals))
+    confidence, alternatives = confidences(tuple(rivals), criteria)
     known, estimates = effect.parameters(), {}
     for key, value in effect.values().items():
         error = QUANTILE * trial.model.error(effect, key)

@@ -15,8 +15,6 @@ Problem = Callable[[Solved | None], VoltageProblem]
 FRAMES = 24
 FAR = 0.25
 """Share of the misfit, or of the noise where that is more, by which linearised frames may be off."""
-WORSE = 1.02
-"""Factor by which the misfit of a few frames may grow by chance."""
 TURNS = 6
 NEARER = 0.7
 """Factor by which a turn must bring the linearised skin nearer to the skin for another to be worth it."""
@@ -44,7 +42,7 @@ class Standing:
 
     def spoils(self, other: Standing) -> bool:
         """Whether frames solved in full fit worse than in the ``other``."""
-        return not self.misfit <= WORSE * other.misfit
+        return not self.misfit <= self.problem.evidence.criteria.chance_ratio * other.misfit
 
 
 def standing(problem: VoltageProblem, solved: Solved) -> Standing:

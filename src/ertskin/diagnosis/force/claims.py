@@ -18,8 +18,6 @@ from ertskin.physics.effects.effect import FoamEffect
 
 Indices = NDArray[np.intp]
 
-WORTH = 1.03
-"""Misfit over noise that a foam effect must leave, were it alone left out, to be claimed."""
 SUPPORT_SHARE = 1e-3
 """Part of the support's stiffness by which it may be off where an effect is fitted in another's stead."""
 
@@ -45,10 +43,11 @@ def force_answer(evidence: Evidence, baseline: Baseline, selection: Selection, h
     noise = baseline.force_noise.rms_n
     before, after = (_predicted_n(evidence, baseline, fit, held) for fit in (plain, best))
     claims = [_felt(_claim(evidence, baseline, best, effect), selection) for effect in best.effects]
-    claims = [claim for claim in claims if claim.ratio_alone > WORTH]
+    # What it would leave, were it alone left out.
+    claims = [claim for claim in claims if claim.ratio_alone > evidence.criteria.material_ratio]
     off = _off(evidence, baseline)
     if off:
-        claims = left_over_of_force(claims, before / noise, after / noise)
+        claims = left_over_of_force(claims, before / noise, after / noise, evidence.criteria)
     return ForceAnswer(tuple(claims), before, after, off)
 
 
@@ -74,7 +73,8 @@ def _off(evidence: Evidence, baseline: Baseline) -> bool:
     known = np.isfinite(best.residual)
     misfit_n = best.residual[known] * noise.rms_n
     phase = np.broadcast_to(evidence.history.phase[:, None], known.shape)[known]
-    return noise.exceeded(float(np.sqrt(np.mean(misfit_n**2))), len(misfit_n)) or noise.leans(misfit_n, phase)
+    rms_n, criteria = float(np.sqrt(np.mean(misfit_n**2))), evidence.criteria
+    return noise.exceeded(rms_n, len(misfit_n), criteria) or noise.leans(misfit_n, phase, criteria)
 
 
 def _felt(claim: Claim, selection: Selection) -> Claim:
@@ -97,7 +97,7 @@ def _claim(evidence: Evidence, baseline: Baseline, best: ForceFit, effect: FoamE
     without = fit_force(data, rest, start=best)
     alone = float(np.sqrt(max(1.0, 1 + (without.chi_square - best.chi_square) / count)))
     rivals = _rivals(data, best, rest, effect)
-    confidence, alternatives = against(rivals)
+    confidence, alternatives = against(rivals, evidence.criteria)
     return Claim(effect, confidence, alone, _estimates(best, effect), alternatives, rivals)
 
 

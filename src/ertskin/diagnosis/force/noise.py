@@ -8,12 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import f as f_distribution
 
+from ertskin.diagnosis.criteria import Criteria
 from ertskin.diagnosis.recording.evidence import Evidence
 
 Array = NDArray[np.float64]
 
-MATERIAL = 1.1
-SURELY = 1e-4
 BLOCK_FREEDOM = 19
 REPEATING = 0.7, 2.5
 """Repeated strokes scatter by the noise if by this much of what the cell shows in air: a stage that stops a micrometre
@@ -27,20 +26,21 @@ class ForceNoise:
     rms_n: float
     freedom: int
 
-    def exceeded(self, rmse_n: float, count: int) -> bool:
+    def exceeded(self, rmse_n: float, count: int, criteria: Criteria) -> bool:
         """Whether an rms over ``count`` frames is materially and surely more: a few frames in air tell little."""
         ratio = rmse_n / self.rms_n
-        return ratio > MATERIAL and float(f_distribution.sf(ratio**2, count, self.freedom)) < SURELY
+        material = ratio > criteria.force_mismatch_ratio
+        return material and float(f_distribution.sf(ratio**2, count, self.freedom)) < criteria.force_chance
 
-    def leans(self, misfit_n: Array, phase: NDArray[np.uint8]) -> bool:
+    def leans(self, misfit_n: Array, phase: NDArray[np.uint8], criteria: Criteria) -> bool:
         """Whether misfits (N,) are materially more than noise and surely of other means going in than coming out.
 
         A lost motion, say, is no larger than the noise, but of one sign within a stroke.
         """
         strokes = [misfit_n[phase == each] for each in np.unique(phase)]
         between = sum(len(stroke) * (float(stroke.mean()) / self.rms_n) ** 2 for stroke in strokes) / len(strokes)
-        material = float(np.sqrt(np.mean(misfit_n**2))) > MATERIAL * self.rms_n
-        return material and float(f_distribution.sf(between, len(strokes), self.freedom)) < SURELY
+        material = float(np.sqrt(np.mean(misfit_n**2))) > criteria.force_mismatch_ratio * self.rms_n
+        return material and float(f_distribution.sf(between, len(strokes), self.freedom)) < criteria.force_chance
 
 
 def force_noise(evidence: Evidence, scatter_n: float) -> ForceNoise:

@@ -9,7 +9,6 @@ import numpy as np
 from scipy.stats import chi2
 
 from ertskin.diagnosis.contract.claims import (
-    MATERIAL_RATIO,
     Claim,
     Diagnosis,
     Estimate,
@@ -19,10 +18,11 @@ from ertskin.diagnosis.contract.claims import (
     estimate,
     verdict_of,
 )
+from ertskin.diagnosis.criteria import Criteria
 from ertskin.diagnosis.fit.nonreciprocal import acquires
 from ertskin.diagnosis.force.claims import ForceAnswer, force_answer
 from ertskin.diagnosis.judge.axis_tests import AxisTest, axis_tests, depends_on
-from ertskin.diagnosis.judge.confidence import LEAST, left_over, mending, overshadowed, reasoned, standing_only
+from ertskin.diagnosis.judge.confidence import left_over, mending, overshadowed, reasoned, standing_only
 from ertskin.diagnosis.judge.contact_drift_claims import drift_claims
 from ertskin.diagnosis.judge.held_out import Predictions, broad_ratio, misfit_p
 from ertskin.diagnosis.judge.repeatability import Repeatability
@@ -31,21 +31,11 @@ from ertskin.diagnosis.judge.undetermined_field import told_points
 from ertskin.diagnosis.recording.evidence import Evidence
 from ertskin.diagnosis.recording.split import SPLIT
 from ertskin.diagnosis.rest.baseline import Baseline
+from ertskin.diagnosis.rest.rest_frames import STANDS_OUT
 from ertskin.diagnosis.search.selection import Chosen, Selection
 from ertskin.physics.effects.effect import Stage, shown_by
 from ertskin.physics.effects.hypothesis import Measured, Signal
 from ertskin.physics.effects.registry import measured_as
-
-SATURATED = 0.97
-"""Confidence that readings piled up or bent at the top of their range are the converter's doing."""
-WORTH_SAYING = 0.05
-"""Least confidence of a name that is said at all."""
-DOUBT = 2.0
-"""Standard errors of the noise by which a misfit without a name must be more."""
-FROZEN = 0.02
-"""Part of the frames in which a channel must repeat its last readings to be a fault that a verdict is for."""
-STANDS_OUT = 3.0
-"""Times the median by which a channel's standing error makes it the one that is wrong."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,9 +55,14 @@ class Case:
     differ: Repeatability | None
 
     @property
+    def criteria(self) -> Criteria:
+        """What the answer is decided by."""
+        return self.evidence.criteria
+
+    @property
     def instrument_off(self) -> bool:
         """Whether more is left than any network and the instrument's named effects explain."""
-        return self.leftover > MATERIAL_RATIO
+        return self.leftover > self.criteria.mismatch_ratio
 
     @property
     def repeating(self) -> tuple[int, ...]:
@@ -77,7 +72,8 @@ class Case:
     @property
     def frozen(self) -> tuple[int, ...]:
         """Those that do so often enough to be a fault."""
-        return tuple(k for k in self.repeating if self.evidence.repeats[k] >= FROZEN * len(self.evidence.history))
+        least = self.criteria.repeating_share * len(self.evidence.history)
+        return tuple(k for k in self.repeating if self.evidence.repeats[k] >= least)
 
 
 def answered(
@@ -103,7 +99,7 @@ def answered(
     tests_after = axis_tests(found.after, history, evidence.protocol)
     axes: list[str] = [axis for claim in claims for axis in claim.effect.hypothesis.axes]
     if verdict == "unexplained":
-        axes = ["electrode", "time"] if jitters else depends_on(tests_before)
+        axes = ["electrode", "time"] if jitters else depends_on(tests_before, case.criteria)
     if selection.specimen == "disagrees":
         axes.append("specimen")
     electrodes = _electrodes(case, claims)
@@ -151,13 +147,13 @@ def _claims(case: Case) -> list[Claim]:
     for rule, why, judged in _rules(case):
         claims = reasoned(claims, judged(claims), rule, why)
     claims += _instrument_claims(case)
-    claims = [claim for claim in claims if claim.confidence >= WORTH_SAYING]
+    claims = [claim for claim in claims if claim.confidence >= case.criteria.least_confidence]
     return sorted(claims, key=lambda c: (c.effect.hypothesis.measured == Measured.CONTACT_PATH, -c.ratio_alone))
 
 
 def _rules(case: Case) -> list[tuple[str, str, Callable[[list[Claim]], list[Claim]]]]:
     """What makes claims less sure: name, reason and rule, in the order in which they count."""
-    selection, ratios = case.selection, (case.found.ratio_before, case.found.ratio_judged)
+    selection, ratios, criteria = case.selection, (case.found.ratio_before, case.found.ratio_judged), case.criteria
     presses_free = None if case.differ is None else case.differ.left_of(case.found.ratio_after)
     agrees = selection.specimen == "agrees"
     shown = {finding.effect.name for finding in case.baseline.specimen_findings if agrees}
@@ -167,21 +163,21 @@ def _rules(case: Case) -> list[tuple[str, str, Callable[[list[Claim]], list[Clai
     residuals = (selection.before.scan_residual, selection.after.scan_residual)
     rest = selection.problem.evidence.rest
     return [
-        ("left_over", "part of the misfit stays", lambda c: left_over(c, *ratios, presses_free)),
+        ("left_over", "part of the misfit stays", lambda c: left_over(c, *ratios, criteria, presses_free)),
         (
             "mending",
             "small beside one that depends on the same: it may mend that one's form",
-            lambda c: mending(c, shown),
+            lambda c: mending(c, criteria, shown),
         ),
         (
             "overshadowed",
             "no network and no named instrument explains much of the readings",
-            lambda c: overshadowed(c, shape, ratios, case.leftover),
+            lambda c: overshadowed(c, shape, ratios, case.leftover, criteria),
         ),
         (
             "standing_only",
             "it explains what stands at rest, but little of what presses change",
-            lambda c: standing_only(c, *residuals, rest, shown),
+            lambda c: standing_only(c, residuals, rest, criteria, shown),
         ),
     ]
 
@@ -198,7 +194,7 @@ def _stage(case: Case, claims: list[Claim], verdict: str, jitters: bool) -> str 
         return str(claims[0].effect.stage)
     if verdict != "unexplained":
         return None
-    nothing_else = case.found.ratio_before <= MATERIAL_RATIO and not case.force.off
+    nothing_else = case.found.ratio_before <= case.criteria.mismatch_ratio and not case.force.off
     if case.instrument_off or (case.frozen and nothing_else):
         return str(Stage.ACQUISITION)
     return str(Stage.ELECTRODES) if jitters else None
@@ -208,19 +204,19 @@ def _verdict(case: Case, claims: list[Claim], jitters: bool) -> str:
     beyond = case.instrument_off or bool(case.frozen)
     instrument = beyond or any(shown_by(c.effect, Signal.NONRECIPROCAL) for c in claims)
     mismatch = bool(case.force.claims) or case.force.off or instrument or jitters
-    surely = 1 + DOUBT * case.baseline.noise.error
+    surely = 1 + case.criteria.clear_errors * case.baseline.noise.error
     press = case.evidence.history[case.found.held].press
     before = case.found.ratio_before if claims else broad_ratio(case.found.before, press) / surely
-    verdict = verdict_of(before, case.found.ratio_after, bool(claims), mismatch)
+    verdict = verdict_of(before, case.found.ratio_after, bool(claims), case.criteria, mismatch)
     if verdict == "explained" and (case.force.off or beyond or jitters):
         return "partly_explained"
     return verdict
 
 
 def _left_depends_on(case: Case, tests: list[AxisTest]) -> tuple[str, ...]:
-    if case.found.ratio_after <= MATERIAL_RATIO:
+    if case.found.ratio_after <= case.criteria.mismatch_ratio:
         return ()
-    return (*depends_on(tests), *(("press",) if case.differ is not None else ()))
+    return (*depends_on(tests, case.criteria), *(("press",) if case.differ is not None else ()))
 
 
 def _reason(case: Case, jitters: bool) -> str | None:
@@ -259,7 +255,7 @@ def _instrument_claims(case: Case) -> list[Claim]:
         return []
     step = 2 * (evidence.protocol.adc_volts_per_count or 1e-4 * abs(limit))
     alone = max(1.0, evidence.leftover_ratio)
-    sure = LEAST * SATURATED if case.instrument_off else SATURATED
+    sure = case.criteria.saturation_confidence * (case.criteria.doubted_share if case.instrument_off else 1.0)
     return [
         Claim(
             measured_as(Measured.READING_LIMIT)().changed({"limit_v": limit}),
@@ -287,7 +283,7 @@ def _voltage_claim(selection: Selection, chosen: Chosen, number: int) -> Claim:
     estimates = {}
     for key in term.free:
         estimates[key] = estimate(*solved.known(first + number, key), known[key])
-    confidence, alternatives = against(chosen.rivals)
+    confidence, alternatives = against(chosen.rivals, selection.problem.evidence.criteria)
     return Claim(term.effect, confidence, chosen.ratio_alone, estimates, alternatives, chosen.rivals)
 
 

@@ -9,13 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2, norm
 
+from ertskin.diagnosis.criteria import Criteria
 from ertskin.physics.history import History
 from ertskin.physics.protocol import Protocol
 
 Array = NDArray[np.float64]
 
 AXES = ("force", "history", "place", "time", "electrode")
-LEVEL = 1e-3
 
 
 @dataclass(frozen=True)
@@ -59,9 +59,10 @@ def axis_tests(residual: Array, history: History, protocol: Protocol) -> list[Ax
     return [AxisTest(t.axis, t.label, t.ratio, min(1.0, t.p_value * len(tests))) for t in tests]
 
 
-def depends_on(tests: list[AxisTest]) -> list[str]:
+def depends_on(tests: list[AxisTest], criteria: Criteria) -> list[str]:
     """Axes along which the misfit changes, most uneven first."""
-    uneven = [t for t in tests if t.p_value < LEVEL and max(t.ratio) > 1.05 * max(min(t.ratio), 1e-9)]
+    much = criteria.mismatch_ratio
+    uneven = [t for t in tests if t.p_value < criteria.chance and max(t.ratio) > much * max(min(t.ratio), 1e-9)]
     return [t.axis for t in sorted(uneven, key=lambda t: -max(t.ratio) / max(min(t.ratio), 1e-9))]
 
 

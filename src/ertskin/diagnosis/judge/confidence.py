@@ -8,7 +8,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ertskin.diagnosis.contract.claims import MATERIAL_RATIO, Claim, Reason
+from ertskin.diagnosis.contract.claims import Claim, Reason
+from ertskin.diagnosis.criteria import Criteria
 from ertskin.physics.effects.effect import Effect, Stage, shown_by
 from ertskin.physics.effects.hypothesis import Axis, Signal
 
@@ -20,13 +21,6 @@ KIN = {
     Axis.SCAN_ORDER: "how",
 }
 """Axes along which one effect's wrong form can look like another effect; force alone tells no kin."""
-FORM = 0.25
-"""Part of an effect's excess chi-square that a form which isn't exactly the skin's may leave to others."""
-LEAST = 0.5
-MATERIAL = 1.03**2 - 1
-"""Excess mean square that is worth a doubt; far above what chance makes of any recording."""
-LEFT = 0.5
-"""Part of the excess misfit of what presses change from which on it counts as left unexplained."""
 
 Array = NDArray[np.float64]
 
@@ -40,7 +34,9 @@ def reasoned(before: Sequence[Claim], after: Sequence[Claim], rule: str, why: st
     return found
 
 
-def left_over(claims: Sequence[Claim], before: float, after: float, presses_free: float | None = None) -> list[Claim]:
+def left_over(
+    claims: Sequence[Claim], before: float, after: float, criteria: Criteria, presses_free: float | None = None
+) -> list[Claim]:
     """Claims lose confidence with the part of the misfit (rms, the noise taken off) that they leave.
 
     A name for something else explains in part, and mostly the larger part: a torn patch taken for a field of
@@ -53,22 +49,22 @@ def left_over(claims: Sequence[Claim], before: float, after: float, presses_free
         if claim.effect.stage == Stage.MECHANICS:
             return 1.0
         placed = "where" in _kind(claim)
-        return _explained(before, after if placed or presses_free is None else presses_free)
+        return _explained(before, after if placed or presses_free is None else presses_free, criteria)
 
     return [replace(c, confidence=c.confidence * share(c)) for c in claims]
 
 
-def left_over_of_force(claims: Sequence[Claim], before: float, after: float) -> list[Claim]:
+def left_over_of_force(claims: Sequence[Claim], before: float, after: float, criteria: Criteria) -> list[Claim]:
     """The same for claims that the load cell made, with its misfits over its noise, where what is left is sure."""
-    return [replace(c, confidence=c.confidence * _explained(before, after)) for c in claims]
+    return [replace(c, confidence=c.confidence * _explained(before, after, criteria)) for c in claims]
 
 
-def _explained(before: float, after: float) -> float:
-    excess, left = max(before**2 - 1, 0.0), max(after**2 - MATERIAL_RATIO**2, 0.0)
+def _explained(before: float, after: float, criteria: Criteria) -> float:
+    excess, left = max(before**2 - 1, 0.0), max(after**2 - criteria.mismatch_ratio**2, 0.0)
     return max(0.0, 1 - float(np.sqrt(left / excess))) if excess > 0 else 1.0
 
 
-def mending(claims: Sequence[Claim], shown: Collection[str] = ()) -> list[Claim]:
+def mending(claims: Sequence[Claim], criteria: Criteria, shown: Collection[str] = ()) -> list[Claim]:
     """A claim that is small beside one of its kin may only mend that one's form, which becomes its alternative.
 
     Not so the instrument's effects, which what no network explains has named, nor those ``shown`` by another signal.
@@ -77,19 +73,19 @@ def mending(claims: Sequence[Claim], shown: Collection[str] = ()) -> list[Claim]
     for claim in claims:
         kin = [c for c in claims if c.effect.name != claim.effect.name and _kind(c) & _kind(claim)]
         strongest = max(kin, key=_excess, default=None)
-        share = 1.0 if strongest is None else _excess(claim) / max(FORM * _excess(strongest), 1e-12)
+        share = 1.0 if strongest is None else _excess(claim) / max(criteria.form_share * _excess(strongest), 1e-12)
         sure = shown_by(claim.effect, Signal.NONRECIPROCAL) or claim.effect.name in shown
         if strongest is None or share >= 1 or sure:
             found.append(claim)
             continue
-        kept = claim.confidence * max(share, LEAST)
+        kept = claim.confidence * max(share, criteria.doubted_share)
         others = (*claim.alternatives, (strongest.effect.name, claim.confidence - kept))
         found.append(replace(claim, confidence=kept, alternatives=others))
     return found
 
 
 def overshadowed(
-    claims: Sequence[Claim], shape: tuple[int, ...], ratios: tuple[float, float], left: float
+    claims: Sequence[Claim], shape: tuple[int, ...], ratios: tuple[float, float], left: float, criteria: Criteria
 ) -> list[Claim]:
     """Names of what a network does lose confidence beside much that no network and no named instrument explains.
 
@@ -98,7 +94,7 @@ def overshadowed(
     of the readings beyond what a network explains.
     """
     readings, pairs = shape
-    beyond = (readings - pairs) * max(left**2 - MATERIAL_RATIO**2, 0.0)
+    beyond = (readings - pairs) * max(left**2 - criteria.mismatch_ratio**2, 0.0)
     explained = pairs * max(ratios[0] ** 2 - ratios[1] ** 2, 0.0)
     if beyond <= 0:
         return list(claims)
@@ -111,26 +107,31 @@ def overshadowed(
 
 
 def standing_only(
-    claims: Sequence[Claim], before: Array, after: Array, rest: NDArray[np.bool_], shown: Collection[str] = ()
+    claims: Sequence[Claim],
+    residuals: tuple[Array, Array],
+    rest: NDArray[np.bool_],
+    criteria: Criteria,
+    shown: Collection[str] = (),
 ) -> list[Claim]:
     """Names of what carries the current lose confidence where they leave most of what presses change unexplained.
 
-    ``before`` and ``after`` (T,P) are residuals in units of the noise, noughts in frames not fitted, ``rest`` (T,) says
+    ``residuals`` (T,P) before and after are in units of the noise, noughts in frames not fitted, ``rest`` (T,) says
     where nothing presses. A field of the sheet can be bent to any standing error of an electrode; how presses then
     show it can't follow.
     """
+    before, after = residuals
     fitted = np.asarray(before.any(axis=1) & after.any(axis=1))
     if not (fitted & rest).any() or not (fitted & ~rest).any():
         return list(claims)
     much, left = (_changing(residual, fitted, rest) for residual in (before, after))
-    if left < MATERIAL or left < LEFT * much:
+    if left < criteria.material_ratio**2 - 1 or left < (1 - criteria.most_share) * much:
         return list(claims)
 
     def doubtful(effect: Effect) -> bool:
         standing = effect.stage in (Stage.CONDUCTION, Stage.ELECTRODES) and Axis.TIME not in effect.hypothesis.axes
         return standing and effect.name not in shown
 
-    return [replace(c, confidence=LEAST * c.confidence) if doubtful(c.effect) else c for c in claims]
+    return [replace(c, confidence=criteria.doubted_share * c.confidence) if doubtful(c.effect) else c for c in claims]
 
 
 def _changing(residual: Array, fitted: NDArray[np.bool_], rest: NDArray[np.bool_]) -> float:

@@ -12,13 +12,9 @@ from ertskin.physics.effects.hypothesis import Measured
 
 Array = NDArray[np.float64]
 
-MATERIAL = 1.03
-SURE = 0.85
-"""Confidence: that the contact moved is measured, why it did isn't."""
-
 
 def drift_claims(selection: Selection) -> list[Claim]:
-    """The drifts, the largest first, until the others together are worth less than ``MATERIAL``."""
+    """The drifts, the largest first, until the others together are no longer material."""
     drifts = [
         effect
         for effect in selection.after.effects
@@ -27,6 +23,7 @@ def drift_claims(selection: Selection) -> list[Claim]:
     if not drifts:
         return []
     problem, solved = selection.problem, selection.after
+    criteria = problem.evidence.criteria
     column = problem.contact_columns(problem.family.skin(solved.calibration, solved.effects))
     time_s, used = problem.evidence.history.time_s, problem.weight > 0
 
@@ -40,9 +37,9 @@ def drift_claims(selection: Selection) -> list[Claim]:
     claims = []
     left = np.sum([wrong for wrong, _ in parts], axis=0)
     for wrong, drift in parts:
-        if _misfit(left) < MATERIAL:
+        if _misfit(left) < criteria.material_ratio:
             break
-        claims.append(Claim(drift, SURE, _misfit(wrong), {}))
+        claims.append(Claim(drift, criteria.drift_confidence, _misfit(wrong), {}))
         left = left - wrong
     return claims
 

@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
-from ertskin.diagnosis.contract.claims import MATERIAL_RATIO
 from ertskin.diagnosis.fit.full_scans import full_scans
 from ertskin.diagnosis.fit.joint_fit import Solved
 from ertskin.diagnosis.linear.calibration_vector import SkinFamily
@@ -18,10 +17,10 @@ from ertskin.diagnosis.search.selection import Selection
 from ertskin.physics.skin import Skin
 
 Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
 
 LONE_PRESS = 2.0
 """Misfit over noise from which a single held-out press is enough to say that something is missing."""
+Indices = NDArray[np.intp]
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +73,7 @@ def unspoilt(
         return selection, found
     plain = family.remeshed(selection.before.calibration, selection.before.effects)
     without = _residual(evidence, plain, baseline.force_n, found.held)
-    if found.ratio_judged <= MATERIAL_RATIO * ratio(without):
+    if found.ratio_judged <= evidence.criteria.mismatch_ratio * ratio(without):
         return selection, found
     return replace(selection, after=selection.before, chosen=()), replace(found, after=without, known_ratio=None)
 

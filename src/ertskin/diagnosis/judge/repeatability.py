@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ertskin.diagnosis.criteria import Criteria
 from ertskin.physics.effects.hypothesis import Measured
 from ertskin.physics.effects.registry import measured_as
 from ertskin.physics.skin import Skin
@@ -17,10 +18,6 @@ Indices = NDArray[np.intp]
 
 STEP_M, STEP = 1e-4, 0.01
 """Shift and relative change of force at which derivatives are taken."""
-MATERIAL = 1.05
-"""Misfit over noise from which anything is left to explain."""
-MOSTLY = 0.5
-"""Part of the excess misfit, and of the scatter between places, from which presses are said to differ."""
 
 
 @dataclass(frozen=True)
@@ -38,11 +35,10 @@ class Repeatability:
     without: float
     between_repeats: float
 
-    @property
-    def matters(self) -> bool:
+    def matters(self, criteria: Criteria) -> bool:
         """Whether presses differ, and not places, by most of what is left: places pressed twice must show it."""
-        explained = self.ratio**2 - 1 < MOSTLY * (self.without**2 - 1)
-        return self.without > MATERIAL and explained and self.between_repeats > MOSTLY
+        explained = self.ratio**2 - 1 < (1 - criteria.most_share) * (self.without**2 - 1)
+        return self.without > criteria.mismatch_ratio and explained and self.between_repeats > criteria.most_share
 
     def left_of(self, ratio: float) -> float:
         """What stays of another misfit over noise without what presses that differ make of it."""

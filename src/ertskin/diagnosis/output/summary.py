@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from rich import box
 from rich.console import Console
-from rich.table import Table
 
 from ertskin.diagnosis.contract.claims import Diagnosis, gathered
 from ertskin.diagnosis.judge.repeatability import Repeatability
+from ertskin.terminal_table import Column, Row, print_table
 
 
 def print_summary(console: Console, diagnosis: Diagnosis) -> None:
@@ -27,15 +26,14 @@ def print_summary(console: Console, diagnosis: Diagnosis) -> None:
         console.print(in_words(diagnosis.presses_differ), highlight=False)
     if not diagnosis.claims:
         return
-    table = Table(box=box.SIMPLE_HEAD)
-    for head in ("effect", "confidence", "misfit it makes", "parameters (90 %)"):
-        table.add_column(head, overflow="fold")
+    rows = []
     for claim, name in gathered(diagnosis.claims):
         words = "\n".join(
             f"{k} {e.value:.4g} [{e.low:.4g}, {e.high:.4g}]{of_unit(e.unit)}" for k, e in claim.parameters.items()
         )
-        table.add_row(name, f"{claim.confidence:.2f}", f"{claim.ratio_alone:.3g}", words)
-    console.print(table)
+        rows.append(Row((name, f"{claim.confidence:.2f}", f"{claim.ratio_alone:.3g}", words)))
+    heads = Column("effect", words=True), Column("confidence"), Column("misfit\nit makes")
+    print_table(console, (*heads, Column("parameters (90 %)", words=True)), rows)
 
 
 def of_unit(unit: str) -> str:
@@ -53,9 +51,12 @@ def in_words(presses: Repeatability) -> str:
 
 def print_retrained(console: Console, retrained: dict[str, dict[str, dict[str, float]]]) -> None:
     """Every metric of every network, trained without and with the effects."""
-    table = Table("network", "metric", *(f"trained {name} the effects" for name in retrained))
+    heads = Column("network", words=True), Column("metric", words=True)
+    numbers = (Column(f"trained {name}\nthe effects") for name in retrained)
     first = next(iter(retrained.values()))
-    for model, metrics in first.items():
-        for metric in metrics:
-            table.add_row(model, metric, *(f"{found[model][metric]:.4g}" for found in retrained.values()))
-    console.print(table)
+    rows = [
+        Row((model, metric, *(f"{found[model][metric]:.4g}" for found in retrained.values())))
+        for model, metrics in first.items()
+        for metric in metrics
+    ]
+    print_table(console, (*heads, *numbers), rows)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ertskin.diagnosis.criteria import DEFAULT, Criteria
 from ertskin.diagnosis.recording.repeating_channels import repeating
 from ertskin.hardware.recording import Recording
 from ertskin.physics.history import History, Phase
@@ -47,6 +48,7 @@ class Evidence:
     ``repeats`` (M,) number of frames in which a channel repeats its last readings, which are left out there.
     ``stray`` (P,k): directions, one standard deviation long in units of the noise, in which rest frames scatter more;
     ``traces`` (T,P,m): orthonormal directions, or noughts, that say nothing: places pressed before and not recovered.
+    ``criteria``: what is decided by, wherever the evidence goes.
     """
 
     sensor: Sensor
@@ -62,6 +64,7 @@ class Evidence:
     traces: Array
     leftover_share: float
     repeats: NDArray[np.intp]
+    criteria: Criteria = DEFAULT
 
     def frames(self, rows: NDArray[np.intp]) -> Evidence:
         """The evidence of some frames."""
@@ -104,12 +107,12 @@ class Evidence:
         return np.asarray(self.history.phase == Phase.REST)
 
 
-def gather(recording: Recording) -> Evidence:
+def gather(recording: Recording, criteria: Criteria = DEFAULT) -> Evidence:
     """Reduce a recording; raises ``CannotTell`` where it lacks what any answer needs."""
     history, protocol, sensor, voltage = _complete(recording)
     rest = np.asarray(history.phase == Phase.REST)
     # An electrode read against itself gives nought in every scan.
-    repeats = repeating(np.where(protocol.measurement.any(axis=-1), voltage, np.nan))
+    repeats = repeating(np.where(protocol.measurement.any(axis=-1), voltage, np.nan), criteria)
     voltage[np.broadcast_to(repeats[:, None], voltage.shape)] = np.nan
     limit = _without_saturated(voltage, protocol)
     told = _told(protocol, np.isnan(voltage))
@@ -142,6 +145,7 @@ def gather(recording: Recording) -> Evidence:
         np.zeros((*scan.shape, 0)),
         float(freedom[freedom > LEAST_FREEDOM].mean()) if (freedom > LEAST_FREEDOM).any() else 1.0,
         repeats.sum(axis=0),
+        criteria,
     )
 
 

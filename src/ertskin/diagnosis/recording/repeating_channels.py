@@ -5,15 +5,15 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from ertskin.diagnosis.criteria import Criteria
+
 Array = NDArray[np.float64]
 
 FEWEST = 5
 """Readings a channel must have in two scans on end to be judged."""
-BY_CHANCE = 1e-3
-"""Channels and frames in a recording that coarse steps alone may make look so."""
 
 
-def repeating(voltage_v: Array) -> NDArray[np.bool_]:
+def repeating(voltage_v: Array, criteria: Criteria) -> NDArray[np.bool_]:
     """(T,M) where a channel of the readings (T,K,M) in volt gives just what it gave last.
 
     NaN says nothing. Readings that never change don't count unless the whole channel never does; nor do frames that
@@ -27,7 +27,7 @@ def repeating(voltage_v: Array) -> NDArray[np.bool_]:
     dead &= dead.mean() <= 0.5
     telling = known & (~fixed | dead)
     count, alike = telling.sum(axis=1), (same & telling).sum(axis=1)
-    repeats = (count >= FEWEST) & (alike == count) & (_by_chance(alike, count, dead) < BY_CHANCE)
+    repeats = (count >= FEWEST) & (alike == count) & (_by_chance(alike, count, dead) < criteria.chance)
     repeats &= dead | ((repeats & ~dead).mean(axis=1, keepdims=True) <= 0.5)
     never = dead & repeats.any(axis=0)
     return np.vstack([never, repeats | never])

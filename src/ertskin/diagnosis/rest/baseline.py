@@ -22,8 +22,6 @@ from ertskin.physics.skin import Skin
 
 Array = NDArray[np.float64]
 
-FORCE_SIGNIFICANT = 10.0
-
 
 @dataclass(frozen=True, eq=False)
 class Baseline:
@@ -78,13 +76,14 @@ def calibrated(recording: Recording, evidence: Evidence, resolution: str = "fine
     skin = Skin.build(evidence.sensor, evidence.protocol, law.law, contacts, support, (), resolution)
     at_rest = rested(skin, evidence)
     skin = at_rest.skin
-    displaced = displaced_pad(skin, at_rest.scan_v, at_rest.scan_noise_v, at_rest.misfit, resolution)
+    displaced = displaced_pad(skin, at_rest.scan_v, at_rest.scan_noise_v, at_rest.misfit, evidence.criteria, resolution)
     skin = replace(skin, effects=at_rest.drift)
     if best is not None:
         skin = replace(skin, pad_n_per_m=best.pad_n_per_m, effects=(*best.effects, *at_rest.drift))
     force = _driving_force(evidence, best)
     signal = SpecimenSignal.of(specimen, law.noise_fraction)
-    findings, scatter = specimen_findings(SpecimenTest(signal.stress_pa, signal.resistance_ohm_sq, signal.time_s))
+    test = SpecimenTest(signal.stress_pa, signal.resistance_ohm_sq, signal.time_s)
+    findings, scatter = specimen_findings(test, evidence.criteria)
     signal = replace(signal, noise_fraction=scatter, effects=tuple(finding.effect for finding in findings))
     return Baseline(
         skin=skin,
@@ -109,7 +108,7 @@ def _force_stage(
     if data.used.sum() < 20:
         return None, None
     folds = np.unique(evidence.history.press, return_inverse=True)[1] % 3
-    plain, best = select_force_effects(data, folds, FORCE_SIGNIFICANT)
+    plain, best = select_force_effects(data, folds, evidence.criteria.significant_force_gain)
     return plain, best
 
 
@@ -122,7 +121,7 @@ def _driving_force(evidence: Evidence, best: ForceFit | None) -> Array:
             raise CannotTell("neither forces nor a force-depth curve: the simulator can't be driven")
         return np.nan_to_num(measured)
     count = int(np.isfinite(best.residual).sum())
-    fits = np.sqrt(best.chi_square / max(count, 1)) < 1.1
+    fits = np.sqrt(best.chi_square / max(count, 1)) < evidence.criteria.force_mismatch_ratio
     predicted = np.where(history.touched, best.force_n, 0.0)
     better = np.isfinite(predicted) & (fits | ~np.isfinite(measured))
     return np.nan_to_num(np.where(better, predicted, measured))

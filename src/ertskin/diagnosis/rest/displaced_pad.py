@@ -10,6 +10,7 @@ from typing import cast
 import numpy as np
 from numpy.typing import NDArray
 
+from ertskin.diagnosis.criteria import Criteria
 from ertskin.diagnosis.linear.sensitivity import PadRims
 from ertskin.physics.conduction.mesh import MeshError
 from ertskin.physics.conduction.sheet import Resolution, SheetModel
@@ -27,12 +28,15 @@ LIKELY = 1.0
 ROUNDS = 12
 LONGEST_M, STILL_M = 1.5e-3, 2e-5
 """Longest step of a pad, and the one from which on it stays."""
-WORTH = 0.5
-"""Part of the mean square misfit at rest that a displacement may leave."""
 
 
 def displaced_pad(
-    skin: Skin, rest_v: Array, noise_v: float, misfit: float, resolution: str | Resolution = "fine"
+    skin: Skin,
+    rest_v: Array,
+    noise_v: float,
+    misfit: float,
+    criteria: Criteria,
+    resolution: str | Resolution = "fine",
 ) -> ElectrodeEffect | None:
     """The pad with the best contact of all, moved to where it fits the resting scan; None where no pad need be.
 
@@ -44,8 +48,9 @@ def displaced_pad(
     if contacts[electrode] > VANISHED * usual or skin.sensor.electrode_edge_m is not None:
         return None
     start = np.where(np.arange(len(contacts)) == electrode, usual, contacts)
+    most = (1 - criteria.most_share) * misfit**2
     try:
-        return _moved(skin, electrode, start, rest_v / noise_v, noise_v, WORTH * misfit**2, resolution)
+        return _moved(skin, electrode, start, rest_v / noise_v, noise_v, most, resolution)
     except (MeshError, np.linalg.LinAlgError):
         return None
 

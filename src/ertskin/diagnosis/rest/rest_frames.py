@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
+from ertskin.diagnosis.criteria import Criteria
 from ertskin.diagnosis.linear.sensitivity import sheet_sensitivity, whitening_of_transfer
 from ertskin.diagnosis.recording.evidence import Evidence
 from ertskin.physics.effects.effect import Effect
@@ -24,19 +25,15 @@ ROUNDS = 30
 ENOUGH_RESTS = 5
 REMEMBERED = 3
 """Places, pressed before a rest frame, that may not have recovered yet."""
-RESTLESS = 2.0
-"""Scatter of a resting contact, in standard errors, from which it moves."""
 LEFT, ALONE = 0.2, 0.3
 """Parts of what changes between rest frames: left by all restless contacts, explained by one."""
 COLOURED = 0.05
 """Excess of the rest frames' scatter over the readings' noise that is taken for coloured noise."""
-
-JITTER, ALONG = 1.03, 0.8
-"""Misfit over noise that a jittering contact must make, and the cosine between what is seen and what it would do."""
+ALONG = 0.8
+"""Cosine between what is seen of a jittering contact and what it would do."""
 STANDS_OUT = 3.0
-"""Times the median share of its resistance by which a contact jitters if it is the one that is loose."""
-TWO_SIGMA = 2.0
-"""Standard deviations of von Neumann's ratio below that of white noise, from which a contact drifts."""
+"""Times the median from which one of many is the one that is wrong: a contact by the share of its resistance by which
+it jitters, a channel by its standing error."""
 SURELY = 5.0
 """Standard deviations of chance above which places are taken not to have recovered."""
 CHANCES, RARELY = 400, 0.01
@@ -73,8 +70,9 @@ def rested(skin: Skin, evidence: Evidence) -> Rested:
     clean = scans - _shares(scans - mean, columns, traces)[1]
     time_s, contacts = evidence.history.time_s[good], skin.contact_resistance_ohm
     run = np.cumsum(~evidence.rest, dtype=np.intp)[good]
-    drift = _contact_drift(scans - mean, time_s, run, evidence.noise_v, columns, traces, contacts)
-    noise = _scatter(clean, run, columns, evidence.noise_v)
+    criteria = evidence.criteria
+    drift = _contact_drift(scans - mean, time_s, run, evidence.noise_v, columns, traces, contacts, criteria)
+    noise = _scatter(clean, run, columns, evidence.noise_v, criteria)
     return Rested(skin, mean, mean_noise_v, misfit, drift, noise, every[..., : traces.shape[2]])
 
 
@@ -186,7 +184,7 @@ class Noise:
     jittering: int = -1
 
 
-def _scatter(scans: Array, run: NDArray[np.intp], columns: Array, reading_v: float) -> Noise:
+def _scatter(scans: Array, run: NDArray[np.intp], columns: Array, reading_v: float, criteria: Criteria) -> Noise:
     """The noise of rest frames (R,P), of which ``run`` (R,) numbers the runs between presses.
 
     From second differences of the rest frames, in which a steady drift is nothing. Coloured noise weighs more in the
@@ -208,7 +206,7 @@ def _scatter(scans: Array, run: NDArray[np.intp], columns: Array, reading_v: flo
     error = 0.5 * 1.25 * float(squares.std()) / outside / np.sqrt(len(jump) / 2) if coloured else 0.0
     inside = scans @ space / noise_v
     stray = space @ max(_stray(_jumps(inside)), _stray(_jumps_of_runs(inside, run)), key=np.linalg.norm)
-    return Noise(noise_v, error, stray, -1 if coloured else _jittering(stray, columns[:, :-1]))
+    return Noise(noise_v, error, stray, -1 if coloured else _jittering(stray, columns[:, :-1], criteria))
 
 
 def _jumps(scans: Array) -> Array:
@@ -233,12 +231,12 @@ def _stray(jump: Array) -> Array:
     return np.asarray(axes[:, more] * np.sqrt(size[more] - 1))
 
 
-def _jittering(stray: Array, contacts: Array) -> int:
+def _jittering(stray: Array, contacts: Array, criteria: Criteria) -> int:
     """The contact, by its column among (P,L), along which the largest of the ``stray`` lies, if that is material.
 
     Contacts that all jitter alike are how the skin is made, not one that is loose.
     """
-    if not stray.shape[1] or (stray**2).sum() < (JITTER**2 - 1) * len(stray):
+    if not stray.shape[1] or (stray**2).sum() < (criteria.material_ratio**2 - 1) * len(stray):
         return -1
     largest = stray[:, -1] / np.linalg.norm(stray[:, -1])
     along = np.abs(largest @ contacts) / np.linalg.norm(contacts, axis=0)
@@ -268,6 +266,7 @@ def _contact_drift(
     columns: Array,
     traces: Array,
     contacts: Array,
+    criteria: Criteria,
 ) -> tuple[Effect, ...]:
     """What each contact did over the recording, from its rest frames, where they wander beyond the noise.
 
@@ -282,7 +281,7 @@ def _contact_drift(
         inverse = np.linalg.pinv(np.hstack([columns, trace]))[: columns.shape[1]]
         moved[row], error[row] = inverse @ change_v[row], noise_v * np.sqrt((inverse**2).sum(axis=1))
     surprise = np.sqrt(((moved / error) ** 2).mean(axis=0))
-    restless = [k for k in range(len(contacts)) if surprise[k] > RESTLESS]
+    restless = [k for k in range(len(contacts)) if surprise[k] > criteria.clear_errors]
     free = [trace @ trace.T for trace in traces]
     rest = np.stack([c - p @ c for c, p in zip(change_v / noise_v, free, strict=True)])
     designs = [columns - p @ columns for p in free]
@@ -294,7 +293,7 @@ def _contact_drift(
     return tuple(
         drift.changed({"electrode": k, "knot_s": knots, "ohm": path_ohm(k)})
         for k in wandering(rest, designs, traces.any(axis=1).sum(axis=1).tolist(), restless)
-        if wanders(*_by_run(moved[:, k], error[:, k], run))
+        if wanders(*_by_run(moved[:, k], error[:, k], run), criteria)
     )
 
 
@@ -330,7 +329,7 @@ def _by_run(path: Array, error: Array, run: NDArray[np.intp]) -> tuple[Array, Ar
     return mean, np.sqrt(np.bincount(of, error**2)) / count
 
 
-def wanders(path: Array, error: Array) -> bool:
+def wanders(path: Array, error: Array, criteria: Criteria) -> bool:
     """Whether a path (R,) seen with ``error`` (R,) goes from place to place rather than being anywhere every time.
 
     By J. von Neumann's ratio, Ann. Math. Stat. 12, 367 (1941): half the mean square of the steps over the variance,
@@ -338,7 +337,7 @@ def wanders(path: Array, error: Array) -> bool:
     white noise comes once in fifty if that is less.
     """
     count = len(path)
-    rarely = 1 - TWO_SIGMA * np.sqrt((count - 2) / (count**2 - 1))
+    rarely = 1 - criteria.clear_errors * np.sqrt((count - 2) / (count**2 - 1))
     noise = float((error**2).mean())
     steps = 0.5 * float((np.diff(path) ** 2).mean()) - noise
     return steps < min(0.5 * (1 + 3 / (count + 1)), rarely) * (float(path.var(ddof=1)) - noise)

@@ -6,24 +6,22 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ertskin.diagnosis.criteria import Criteria
 from ertskin.diagnosis.fit.joint_fit import Solved, held_out
 
-INDISPENSABLE = 2.0
-"""Factor on the misfit from which on what a term's absence costs isn't owed to too free a form."""
 
-
-def gained(without: Solved, present: Solved, partitions: Sequence[Sequence[int]]) -> float:
+def gained(without: Solved, present: Solved, partitions: Sequence[Sequence[int]], criteria: Criteria) -> float:
     """Half chi-square that ``present`` gains over ``without``, held out.
 
     A press that no other tells of (the only one on a hill) is predicted wildly by either: in no cell may a prediction
-    gain or lose more than the fit itself. What halves the misfit gains that, less what its freedom costs, however badly
-    the cells predict one another with it.
+    gain or lose more than the fit itself. What explains most of the misfit gains that, less what its freedom costs,
+    however badly the cells predict one another with it: that isn't owed to too free a form.
     """
     told = np.array([_cost(without, out) - _cost(present, out) for out in partitions])
     foretold = held_out(without, partitions) - held_out(present, partitions)
     gain = float(np.clip(foretold, -np.abs(told), np.abs(told)).clip(max=told).sum())
     before, after = (float(solved.fit.quadratic.cost[:-1].sum()) for solved in (without, present))
-    if before > INDISPENSABLE * after:
+    if after < (1 - criteria.most_share) * before:
         gain = max(gain, before - after - freedom(present) + freedom(without))
     return gain
 

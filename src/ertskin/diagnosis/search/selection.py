@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ertskin.diagnosis.contract.claims import Rival, Tried
-from ertskin.diagnosis.fit.full_solution_check import WORSE, Standing, exact, settled, standing
+from ertskin.diagnosis.fit.full_solution_check import Standing, exact, settled, standing
 from ertskin.diagnosis.fit.joint_fit import Solved, Term, VoltageProblem
 from ertskin.diagnosis.linear.calibration_vector import WIDEST_RATIO, Calibration
 from ertskin.diagnosis.search.candidates import screen
@@ -19,7 +19,6 @@ from ertskin.diagnosis.search.gain import gained
 from ertskin.diagnosis.search.smooth_fields import with_smooth_fields
 from ertskin.diagnosis.search.trials import (
     KNOWN,
-    SIGNIFICANT,
     Trial,
     of_frames,
     residual_count,
@@ -144,7 +143,8 @@ class _Search:
         """Without the specimen from when the skin is seen to remember what it doesn't: it is another piece of fabric,
         whose law is another one then."""
         specimen, build = here.problem.specimen, self.build
-        if specimen is None or specimen.effects or remembers_alike(specimen, here.solved.effects):
+        criteria = here.problem.evidence.criteria
+        if specimen is None or specimen.effects or remembers_alike(specimen, here.solved.effects, criteria):
             return here
         self.disagrees, self.build = True, lambda solved: replace(build(solved), specimen=None)
         there = _where_it_settles(self.build, None, here.solved)
@@ -171,7 +171,7 @@ class _Search:
         if entered is None:
             return None
         trial, there = entered
-        others = [t for t in trials if t.term.name != trial.term.name and t.gain <= KNOWN * trial.gain]
+        others = [t for t in trials if t.term.name != trial.term.name and t.gain <= (1 + KNOWN) * trial.gain]
         self.stand[_key(trial.term)] = tuple(Rival(t.term.effect, trial.gain - t.gain) for t in others)
         return _refined(self.build, _reconsidered(self.build, there), self.partitions)
 
@@ -197,7 +197,8 @@ def _judged(problem: VoltageProblem, current: Solved, named: bool) -> tuple[Volt
     """
     said = None
     if problem.specimen is not None:
-        said = "agrees" if remembers_alike(problem.specimen, current.effects) else "disagrees"
+        alike = remembers_alike(problem.specimen, current.effects, problem.evidence.criteria)
+        said = "agrees" if alike else "disagrees"
     if said == "disagrees":
         problem = replace(problem, specimen=None)
         current = problem.solve(current.terms, current.calibration)
@@ -251,7 +252,8 @@ def _without_drifts(build: Problem, here: Standing, fixed: Sequence[Term]) -> tu
     if not creeps or len(still) == len(here.solved.terms):
         return here, fixed
     there = _where_it_settles(build, None, here.problem.solve(still, here.solved.calibration))
-    if there is None or there.spoils(here) or _at_rest(there) > WORSE * _at_rest(here):
+    chance = here.problem.evidence.criteria.chance_ratio
+    if there is None or there.spoils(here) or _at_rest(there) > chance * _at_rest(here):
         return here, fixed
     return there, [term for term in fixed if not _path_of_contact(term)]
 
@@ -322,13 +324,14 @@ def _refined(build: Problem, here: Standing, partitions: Sequence[Sequence[int]]
 
 def _freed(here: Standing, partitions: Sequence[Sequence[int]]) -> Solved:
     problem, current = here.problem, here.solved
+    criteria = problem.evidence.criteria
     for number, term in enumerate(current.terms):
         for form in freer(term):
             terms = [*current.terms[:number], form, *current.terms[number + 1 :]]
             freed = problem.solve(terms, current.calibration)
-            gain = gained(current, freed, partitions)
+            gain = gained(current, freed, partitions, criteria)
             # No name hangs on a form, and so few numbers can't lower the misfit that much by chance.
-            if gain > SIGNIFICANT or of_frames(freed) < STILL**2 * of_frames(current):
+            if gain > criteria.significant_gain or of_frames(freed) < STILL**2 * of_frames(current):
                 current = freed
     return with_smooth_fields(problem, current, partitions)
 
@@ -350,7 +353,7 @@ def _backward(
         for k in range(fixed, len(current.terms)):
             rest = [t for i, t in enumerate(current.terms) if i != k]
             without = problem.solve(rest, current.calibration, steps=5, leftover=instrument)
-            loss = gained(without, current, partitions)
+            loss = gained(without, current, partitions, problem.evidence.criteria)
             least = worth_a_name(problem, current)
             if loss < least and (dropped is None or loss < dropped[0]):
                 dropped = (loss, without)

@@ -46,7 +46,6 @@ MOST_MODES = 100
 SAMPLES = 3
 """Points for every node, along each side, at which a field's form is read."""
 PASSES = 2
-SIGNIFICANT = 15.0
 STEPS = 5
 
 
@@ -320,4 +319,4 @@ def with_smooth_field(
     terms = [*current.terms[:number], process.of(current.terms[number], extent_m), *current.terms[number + 1 :]]
     freed = problem.solve(terms, current.calibration, steps=STEPS)
     gain = current.cost + freedom(current) - freed.cost - freedom(freed)
-    return freed if gain > SIGNIFICANT else None
+    return freed if gain > problem.evidence.criteria.significant_gain else None

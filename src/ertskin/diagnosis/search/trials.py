@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ertskin.diagnosis.criteria import Criteria
 from ertskin.diagnosis.fit.joint_fit import Solved, Term, VoltageProblem
 from ertskin.diagnosis.search.candidates import Candidate
 from ertskin.diagnosis.search.form_error import form_error
@@ -16,12 +17,8 @@ from ertskin.diagnosis.search.smooth_fields import with_smooth_field
 from ertskin.physics.effects.effect import shown_by
 from ertskin.physics.effects.hypothesis import Signal
 
-SIGNIFICANT = 15.0
-"""Held-out gain in half chi-square that a term must reach: far above what the best of 200 null candidates gains."""
-MATERIAL = 1.03
-"""A term must bring the residual's rms down by this factor of what noise alone leaves, or it isn't worth a name."""
-KNOWN = 1.05
-"""Factor within which a term of a name that is in the fit already gains as much as one of another name."""
+KNOWN = 0.05
+"""Share within which a term of a name that is in the fit already gains as much as one of another name."""
 TRIED = 3
 WORTH_TRYING = 0.15
 """Least part of the best candidate's expected gain that makes another worth a fit."""
@@ -52,8 +49,9 @@ def trials_of(
     least = worth_a_name(problem, current)
     trials: list[Trial] = []
     present = {term.name for term in current.terms}
-    for listed in _worth_trying(found, present, least):
-        trials = _in_order([*trials, *_try(problem, current, _different(listed), partitions, left)], current)
+    for listed in _worth_trying(found, present, least, problem.evidence.criteria):
+        fitted = _try(problem, current, _different(listed), partitions, left)
+        trials = _in_order([*trials, *fitted], current)
         if trials and trials[0].gain >= least:
             break
     return trials
@@ -61,10 +59,13 @@ def trials_of(
 
 def worth_a_name(problem: VoltageProblem, current: Solved) -> float:
     """Half chi-square, held out, that a term must gain: what is significant and material."""
-    return max(SIGNIFICANT, material_cost(residual_count(problem), of_scans(current)))
+    criteria = problem.evidence.criteria
+    return max(criteria.significant_gain, material_cost(residual_count(problem), of_scans(current), criteria))
 
 
-def _worth_trying(found: Sequence[Candidate], present: Collection[str], least: float) -> list[list[Candidate]]:
+def _worth_trying(
+    found: Sequence[Candidate], present: Collection[str], least: float, criteria: Criteria
+) -> list[list[Candidate]]:
     """The candidates to fit, each further list where nothing of those before is worth a name.
 
     What no resistor network explains only the instrument can: it comes first. An instrument that would gain less than
@@ -75,7 +76,7 @@ def _worth_trying(found: Sequence[Candidate], present: Collection[str], least: f
     others = [c for c in found if not shown_by(c.term.effect, Signal.NONRECIPROCAL)]
     new, more = ([c for c in instrument if (c.name in present) is known] for known in (False, True))
     return [
-        [c for c in alike if c.gain > max(SIGNIFICANT, WORTH_TRYING * alike[0].gain)]
+        [c for c in alike if c.gain > max(criteria.significant_gain, WORTH_TRYING * alike[0].gain)]
         for alike in (new, others, more)
         if alike
     ]
@@ -84,7 +85,7 @@ def _worth_trying(found: Sequence[Candidate], present: Collection[str], least: f
 def _in_order(trials: Sequence[Trial], current: Solved) -> list[Trial]:
     """By what they gain; where two gain alike, the one whose name is in the fit already is the likelier."""
     present = {term.name for term in current.terms}
-    return sorted(trials, key=lambda t: -t.gain * (KNOWN if t.term.name in present else 1.0))
+    return sorted(trials, key=lambda t: -t.gain * (1 + KNOWN if t.term.name in present else 1.0))
 
 
 def _different(listed: Sequence[Candidate]) -> list[Candidate]:
@@ -114,7 +115,7 @@ def _try(
     plain = problem.solve(current.terms, current.calibration, steps=1, leftover=True) if instrument else current
 
     def trial(solved: Solved) -> Trial:
-        gain, term = gained(plain, solved, partitions), solved.terms[-1]
+        gain, term = gained(plain, solved, partitions, problem.evidence.criteria), solved.terms[-1]
         if left > 0 and term.name not in {known.name for known in current.terms}:
             gain += form_error(problem, solved, partitions, solved.effects[:-1]).gain - left
         return Trial(term, gain, solved)
@@ -163,15 +164,15 @@ def _shown_at_rest(problem: VoltageProblem, current: Solved, drifting: Solved) -
     """Whether a drift is seen where nothing presses: what changes from press to press alone may be the places."""
     rows = problem.evidence.rest & (problem.weight > 0)
     change = (current.scan_residual[rows] ** 2).sum() - (drifting.scan_residual[rows] ** 2).sum()
-    return bool(0.5 * change > SIGNIFICANT)
+    return bool(0.5 * change > problem.evidence.criteria.significant_gain)
 
 
-def material_cost(numbers: int, cost: float) -> float:
-    """Half chi-square that a change of the rms by ``MATERIAL`` over the noise amounts to, of so many scans' numbers.
+def material_cost(numbers: int, cost: float, criteria: Criteria) -> float:
+    """Half chi-square that a material change of the rms over the noise amounts to, of so many scans' numbers.
 
     ``cost``: half their chi-square; what no network explains has no part in either.
     """
-    return 0.5 * numbers * (MATERIAL**2 - 1) * max(1.0, 2 * cost / numbers) ** 0.5
+    return 0.5 * numbers * (criteria.material_ratio**2 - 1) * max(1.0, 2 * cost / numbers) ** 0.5
 
 
 def of_scans(solved: Solved) -> float:

@@ -6,18 +6,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ertskin.diagnosis.criteria import Criteria
 from ertskin.diagnosis.specimen.fit import SpecimenTest
 from ertskin.diagnosis.specimen.signal import SpecimenSignal
 from ertskin.physics.effects.effect import Effect, PiezoEffect
 from ertskin.physics.effects.hypothesis import Axis
 
-OFF = 0.3
-"""Part of the specimen's own memory by which the skin's may miss it: one form fits the other's loop to a tenth."""
-NOTICED = 0.3
-"""The same where the specimen shows none, over its noise: of 600 readings 27 in half chi-square."""
 
-
-def remembers_alike(specimen: SpecimenSignal, effects: Sequence[Effect]) -> bool:
+def remembers_alike(specimen: SpecimenSignal, effects: Sequence[Effect], criteria: Criteria) -> bool:
     """Whether what the skin's ``effects`` make of the fabric is what the specimen shows, the law fitted anew."""
     # Where on the sheet the specimen would lie nobody knows.
     skin = [e for e in effects if isinstance(e, PiezoEffect) and Axis.PLACE not in e.hypothesis.axes]
@@ -29,4 +25,4 @@ def remembers_alike(specimen: SpecimenSignal, effects: Sequence[Effect]) -> bool
     own = mean_square(specimen.effects)
     wrong = np.sqrt(max(mean_square(skin) - own, 0.0))
     size = np.sqrt(max(mean_square(()) - own, 0.0))
-    return bool(wrong <= max(OFF * size, NOTICED * np.sqrt(own)))
+    return bool(wrong <= criteria.specimen_difference * max(size, np.sqrt(own)))

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ertskin.diagnosis.contract.claims import Claim, Diagnosis, HeldOut, confidences, estimate, verdict_of
+from ertskin.diagnosis.criteria import DEFAULT, Criteria
 from ertskin.diagnosis.judge.quantities import Spread, stated
 from ertskin.diagnosis.judge.result import Findings
 from ertskin.diagnosis.specimen.fit import SpecimenFinding, specimen_findings
@@ -39,7 +40,7 @@ SPLIT = "the last presses, fitted on the first five eighths of them"
 SPLIT_RISEN = f"{SPLIT}; of each, what follows the rise that tells how strongly it is felt"
 
 
-def diagnose_specimen(specimen: Specimen, name: str) -> Findings:
+def diagnose_specimen(specimen: Specimen, name: str, criteria: Criteria = DEFAULT) -> Findings:
     """Which memory a specimen's first presses show, and how well the last ones are predicted with it and without."""
     reason = _unusable(specimen)
     if reason:
@@ -47,9 +48,9 @@ def diagnose_specimen(specimen: Specimen, name: str) -> Findings:
         return Findings(Diagnosis(name, "cannot_tell", held, reason=reason))
     test, press = _thinned(specimen)
     noise = _noise(specimen.sheet_resistance_ohm_sq)
-    each = presses(test, press)
+    each = presses(test, press, criteria)
     judged, rows = (each.scaled, each.ahead) if each.differ else (test, ~test.fitted)
-    found, _ = specimen_findings(judged)
+    found, _ = specimen_findings(judged, criteria)
     effects = [finding.effect for finding in found]
     static = _ahead(judged, (), rows)
     kinds = {effect.name: _ahead(judged, (effect,), rows) for effect in effects}
@@ -58,22 +59,30 @@ def diagnose_specimen(specimen: Specimen, name: str) -> Findings:
     left = _ahead(judged, [f.effect for f in needed], rows) if needed else static
     spreads = spreads_of(judged, needed, press)
     claims = tuple(
-        _claim(judged, f, spread, kinds[f.effect.name] / noise, static / max(left, 1e-12))
+        _claim(judged, f, spread, (kinds[f.effect.name] / noise, static / max(left, 1e-12)), criteria)
         for f, spread in zip(needed, spreads, strict=True)
     )
     errors = {"static": static, **kinds, "together": together, "noise": noise}
-    return Findings(_answer(name, each, errors, left, claims))
-
-
-def _answer(name: str, each: Presses, errors: dict[str, float], left: float, claims: tuple[Claim, ...]) -> Diagnosis:
-    """The diagnosis from the relative ``errors`` held out and what the claims leave of them."""
-    noise = errors["noise"]
-    before = (each.alike if each.differ else errors["static"]) / noise
+    before = (each.alike if each.differ else static) / noise
     after = left / noise if claims else before
+    verdict = verdict_of(before, after, bool(claims), criteria)
+    return Findings(_answer(name, verdict, each, errors, (before, after), claims))
+
+
+def _answer(
+    name: str,
+    verdict: str,
+    each: Presses,
+    errors: dict[str, float],
+    ratios: tuple[float, float],
+    claims: tuple[Claim, ...],
+) -> Diagnosis:
+    """The diagnosis from the relative ``errors`` held out, over noise ``ratios`` before the claims and after."""
+    before, after = ratios
     axes = (*(("press",) if each.differ else ()), *(("history",) if claims or not each.differ else ()))
     return Diagnosis(
         name,
-        verdict_of(before, after, bool(claims), other_mismatch=False),
+        verdict,
         HeldOut(SPLIT_RISEN if each.differ else SPLIT, None, before, after, None),
         stage="piezoresistance" if before > 1 else None,
         depends_on=axes if before > 1 else (),
@@ -125,9 +134,13 @@ def _noise(resistance: Array) -> float:
     return float(max(1.4826 * np.median(np.abs(jump)) / np.sqrt(20.0), 1e-4))
 
 
-def _claim(test: LogarithmicTest, finding: SpecimenFinding, spread: Spread, ratio: float, gain: float) -> Claim:
+def _claim(
+    test: LogarithmicTest, finding: SpecimenFinding, spread: Spread, sizes: tuple[float, float], criteria: Criteria
+) -> Claim:
+    """``sizes``: the misfit over noise with the effect alone, and how many times better the claims predict."""
+    ratio, gain = sizes
     shares = [(rival.effect.name, rival.short) for rival in finding.rivals]
-    confidence, alternatives = confidences(tuple(shares))
+    confidence, alternatives = confidences(tuple(shares), criteria)
     known = finding.effect.parameters()
     estimates = {
         key: estimate(float(getattr(finding.effect, key)), float(error), known[key])

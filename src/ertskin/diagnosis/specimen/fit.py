@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from ertskin.diagnosis.contract.claims import Rival
+from ertskin.diagnosis.criteria import Criteria
 from ertskin.physics.effects.effect import PiezoEffect
 from ertskin.physics.effects.hypothesis import Signal
 from ertskin.physics.effects.piezo_chain import felt
@@ -21,11 +22,6 @@ Array = NDArray[np.float64]
 
 ORDER = 9
 """Of the free law: a law that is no fifth-order polynomial is no physics left out."""
-SIGNIFICANT = 15.0
-MATERIAL = 1.03
-FORM = 0.1
-"""Part of the first effect's gain that another must reach: less may be owed to the first one's form. The readings may
-still name it."""
 Term = tuple[PiezoEffect, tuple[str, ...]]
 """An effect and the parameters of it that are fitted."""
 
@@ -62,11 +58,11 @@ class SpecimenFinding:
     rivals: tuple[Rival, ...]
 
 
-def specimen_findings(test: SpecimenTest) -> tuple[list[SpecimenFinding], float]:
+def specimen_findings(test: SpecimenTest, criteria: Criteria) -> tuple[list[SpecimenFinding], float]:
     """Effects that the specimen's loop shows, the strongest first, and the relative noise that they leave.
 
-    An effect enters when it gains ``SIGNIFICANT`` in half chi-square and ``FORM`` of the largest gain before it, and
-    lowers the residual's rms by ``MATERIAL``.
+    An effect enters when its gain is significant, no less than a form's share of the largest gain before it, and
+    material. What the first one's form may have left the readings may still name.
     """
     starts = specimen_starts()
     terms: list[Term] = []
@@ -77,7 +73,8 @@ def specimen_findings(test: SpecimenTest) -> tuple[list[SpecimenFinding], float]
         fits = [_fitted(test, [*terms, start]) for start in starts if start[0].name not in taken]
         gains = [_gain(residual, left) for _, left in fits]
         best = int(np.argmax(gains))
-        if gains[best] < max(SIGNIFICANT, FORM * largest) or _rms(residual) < MATERIAL * _rms(fits[best][1]):
+        least = max(criteria.significant_gain, criteria.specimen_form_share * largest)
+        if gains[best] < least or _rms(residual) < criteria.material_ratio * _rms(fits[best][1]):
             break
         largest = max(largest, gains[best])
         terms, residual = _reformed(test, *fits[best])

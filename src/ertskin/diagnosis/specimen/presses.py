@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
+from ertskin.diagnosis.criteria import Criteria
 from ertskin.diagnosis.specimen.logarithmic import LogarithmicTest
 
 Array = NDArray[np.float64]
@@ -24,8 +25,6 @@ LOADED = 0.05
 WIDEST = 3.0
 """Largest log factor looked for."""
 ROUNDS = 4
-MOSTLY = 0.5
-"""Part of the held-out error's square that the factors must explain for presses to differ."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,21 +32,17 @@ class Presses:
     """How strongly each press is felt: ``number`` (C,) of the presses, ``log_factor`` (C,) on their stress.
 
     ``alike`` and ``apart`` are the relative errors of a static law on what follows the rise of the presses held out,
-    with all presses alike and with each its own factor; ``ahead`` (N,) says which readings these are. ``scaled``: the
-    test with the factors on its stress.
+    with all presses alike and with each its own factor; ``differ``: whether that is most of what a static law misses.
+    ``ahead`` (N,) says which readings these are. ``scaled``: the test with the factors on its stress.
     """
 
     number: NDArray[np.intp]
     log_factor: Array
     alike: float
     apart: float
+    differ: bool
     ahead: Rows
     scaled: LogarithmicTest
-
-    @property
-    def differ(self) -> bool:
-        """Whether that is most of what a static law misses."""
-        return self.alike**2 - self.apart**2 > MOSTLY * self.alike**2
 
     @property
     def spread(self) -> float:
@@ -60,7 +55,7 @@ class Presses:
         return {"differ": self.differ, "static": self.alike, "static_each_its_own": self.apart, "felt": factors}
 
 
-def presses(test: LogarithmicTest, press: NDArray[np.intp]) -> Presses:
+def presses(test: LogarithmicTest, press: NDArray[np.intp], criteria: Criteria) -> Presses:
     """The factors of the presses numbered ``press`` (N,), from their rises alone, and what they are worth held out."""
     number = np.unique(press)
     member = press == number[:, None]
@@ -75,7 +70,8 @@ def presses(test: LogarithmicTest, press: NDArray[np.intp]) -> Presses:
     scaled = _scaled(test, member, log_factor)
     ahead = ~test.fitted & loaded & ~rise.any(axis=0)
     alike, apart = (float(np.sqrt(np.mean(one.errors(())[ahead] ** 2))) for one in (test, scaled))
-    return Presses(number, log_factor, alike, apart, ahead, scaled)
+    differ = alike**2 - apart**2 > criteria.most_share * alike**2
+    return Presses(number, log_factor, alike, apart, differ, ahead, scaled)
 
 
 def _scaled(test: LogarithmicTest, member: Rows, log_factor: Array) -> LogarithmicTest:

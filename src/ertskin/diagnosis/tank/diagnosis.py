@@ -16,9 +16,10 @@ from numpy.typing import NDArray
 from scipy.stats import f as f_distribution
 
 from ertskin.diagnosis.contract.claims import QUANTILE, Claim, Diagnosis, Estimate, HeldOut, verdict_of
+from ertskin.diagnosis.criteria import DEFAULT, Criteria
 from ertskin.diagnosis.judge.partial_result import Drawing, DrawnFindings
 from ertskin.diagnosis.judge.result import Findings
-from ertskin.diagnosis.tank.displaced_electrodes import SUREST, placed, with_placement
+from ertskin.diagnosis.tank.displaced_electrodes import placed, with_placement
 from ertskin.diagnosis.tank.electrode_error import (
     LEVEL,
     ColumnError,
@@ -44,7 +45,6 @@ from ertskin.physics.spikes import completed
 Array = NDArray[np.float64]
 
 SPLIT = "every fourth injection, gains and offsets fitted on the others"
-SIGNIFICANT = 1e-3
 MOST_COMPARED = 100
 MOST_IMAGED = 4
 """Frames of which the report shows maps."""
@@ -60,12 +60,10 @@ OR_CURRENT = (
     "where driven electrodes aren't read, a channel's gain and the current injected at the same electrodes can't be "
     "told apart"
 )
-WORTH_SAYING = 0.05
-"""Least confidence of a name that is said at all."""
 ONE_FRAME = "one frame: a standing error that all electrodes share can't be told from noise"
 
 
-def diagnose_tank(recording: Recording, name: str) -> Findings:
+def diagnose_tank(recording: Recording, name: str, criteria: Criteria = DEFAULT) -> Findings:
     """Name the electrodes with a standing error in the empty tank, if any stand out; map what changed later."""
     assert recording.protocol is not None
     assert recording.frames is not None
@@ -80,10 +78,10 @@ def diagnose_tank(recording: Recording, name: str) -> Findings:
         mended = corrected(protocol, mended, weight)
     noise = noise_v(protocol, voltage)
     left = (channel_errors if errors.channels else electrode_errors)(protocol, mended)
-    diagnosis = _instrument(name, protocol, voltage, (errors, left, mended))
+    diagnosis = _instrument(name, protocol, voltage, (errors, left, mended), criteria)
     placement = placed(recording, mended, noise, errors)
     return DrawnFindings(
-        diagnosis if placement is None else with_placement(diagnosis, placement),
+        diagnosis if placement is None else with_placement(diagnosis, placement, criteria),
         tests_before=(errors.axis_test(noise),),
         tests_after=(left.axis_test(noise),),
         drawings=(_electrode_drawing(errors, left), *_maps(recording, voltage)),
@@ -91,20 +89,25 @@ def diagnose_tank(recording: Recording, name: str) -> Findings:
 
 
 def _instrument(
-    name: str, protocol: Protocol, voltage: Array, found: tuple[ElectrodeErrors, ElectrodeErrors, Array]
+    name: str,
+    protocol: Protocol,
+    voltage: Array,
+    found: tuple[ElectrodeErrors, ElectrodeErrors, Array],
+    criteria: Criteria,
 ) -> Diagnosis:
     """What the instrument does: its electrodes' errors before and after the empty scan was mended."""
     errors, left, mended = found
     empty, noise = voltage[0], noise_v(protocol, voltage)
     before, after = (rms_v(protocol, scan) / noise for scan in (empty, mended))
     every = (c for k in range(len(errors.named)) for c in _claims(protocol, (empty, mended, noise), errors, k))
-    claims = tuple(claim for claim in every if claim.confidence >= WORTH_SAYING)
+    capped = (replace(claim, confidence=min(claim.confidence, criteria.surest_confidence)) for claim in every)
+    claims = tuple(claim for claim in capped if claim.confidence >= criteria.least_confidence)
     chance = standing_chance(protocol, voltage)
     if rms_v(protocol, empty) < LEAST_ERROR * _readings_rms_v(protocol, empty):
         chance = 1.0
     said = [ONE_FRAME] if len(voltage) == 1 else []
     said += [OR_CURRENT] if claims and errors.channels and not driven_are_read(protocol) else []
-    verdict = verdict_of(before if chance < SIGNIFICANT else 1.0, after, bool(claims), other_mismatch=False)
+    verdict = verdict_of(before if chance < criteria.chance else 1.0, after, bool(claims), criteria)
     return Diagnosis(
         name,
         verdict,
@@ -218,7 +221,7 @@ def _claims(protocol: Protocol, scans: tuple[Array, Array, float], errors: Elect
     left = float(again(protocol, mended).rms_v[named])
     excess = errors.rms_v[named] ** 2 - usual**2
     share = float(np.clip(1 - max(left**2 - usual**2, 0.0) / max(excess, 1e-300), 0.0, 1.0))
-    confidence = min(SUREST, surely(errors.p_value[number]) * share)
+    confidence = surely(errors.p_value[number]) * share
     ratio = rms_v(protocol, empty) / noise
     return [
         Claim(_effect(column), confidence, ratio, _estimates(column))

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from scipy.stats import norm
 
 from ertskin.diagnosis.contract.claims import QUANTILE, Claim, Diagnosis, Estimate, HeldOut, verdict_of
+from ertskin.diagnosis.criteria import Criteria
 from ertskin.diagnosis.tank.electrode_error import ElectrodeErrors
 from ertskin.diagnosis.tank.placement import ACCURACY, Placement, PlacementFit
 from ertskin.hardware.recording import Recording
@@ -18,7 +19,6 @@ from ertskin.physics.effects.registry import measured_as
 
 Array = NDArray[np.float64]
 
-SUREST = 0.99
 HANDS = 0.06
 """Shift over the radius that gluing by hand may leave, twice its standard deviation: beyond it an electrode is out of
 place."""
@@ -48,7 +48,7 @@ def placed(recording: Recording, scan_v: Array, noise_v: float, wrong: Electrode
         return None
 
 
-def with_placement(diagnosis: Diagnosis, found: Placement) -> Diagnosis:
+def with_placement(diagnosis: Diagnosis, found: Placement, criteria: Criteria) -> Diagnosis:
     """The answer with the electrodes out of place, if any are, and with what can't be told."""
     moved = {
         "misfit_before": found.misfit_before,
@@ -71,19 +71,19 @@ def with_placement(diagnosis: Diagnosis, found: Placement) -> Diagnosis:
     )
     return replace(
         diagnosis,
-        verdict=verdict_of(found.misfit_before, found.misfit_after, named=True, other_mismatch=False),
+        verdict=verdict_of(found.misfit_before, found.misfit_after, True, criteria),
         held_out=held,
         stage="electrodes",
         electrodes=tuple(sorted({*diagnosis.electrodes, *found.displaced})),
         depends_on=("electrode",),
-        claims=(*(_displacement(found, e) for e in found.displaced), *diagnosis.claims),
+        claims=(*(_displacement(found, e, criteria) for e in found.displaced), *diagnosis.claims),
         unexplained_ratio=found.misfit_after,
         reason=NOT_TOLD,
         extra=extra,
     )
 
 
-def _displacement(found: Placement, electrode: int) -> Claim:
+def _displacement(found: Placement, electrode: int, criteria: Criteria) -> Claim:
     """One electrode out of place; where several are, the outline may have changed instead."""
     shift = found.moved_m[electrode] - found.place_m[electrode]
     error_m = float(np.hypot(OWN * found.error_m[electrode], FLOOR * found.radius_m))
@@ -98,7 +98,8 @@ def _displacement(found: Placement, electrode: int) -> Claim:
         key: Estimate(float(value), float(value - error), float(value + error), "m")
         for key, value, error in zip(("dx_m", "dy_m"), shift, half, strict=True)
     }
-    sure = confidence(float(found.shift_m[electrode]), float(found.error_m[electrode]), found.radius_m)
+    moved = confidence(float(found.shift_m[electrode]), float(found.error_m[electrode]), found.radius_m)
+    sure = min(moved, criteria.surest_confidence)
     outline = (("outline_changed", sure),) if len(found.displaced) > 2 else ()
     return Claim(effect.changed({"electrode": electrode, **values}), sure, found.misfit_before, estimates, outline)
 
@@ -106,4 +107,4 @@ def _displacement(found: Placement, electrode: int) -> Claim:
 def confidence(shift_m: float, error_m: float, radius_m: float) -> float:
     """Chance that an electrode is further from its place than hands leave it, given where the readings put it."""
     sigma_m = float(np.hypot(OWN * error_m, FLOOR * radius_m))
-    return float(min(norm.cdf((abs(shift_m) - HANDS * radius_m) / sigma_m), SUREST))
+    return float(norm.cdf((abs(shift_m) - HANDS * radius_m) / sigma_m))

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from ertskin.diagnosis.contract.claims import FORM, estimate
+from ertskin.diagnosis.criteria import DEFAULT
 from ertskin.diagnosis.fit.full_solution_check import Standing
 from ertskin.diagnosis.fit.joint_fit import Solved, Term, held_out
 from ertskin.diagnosis.fit.levenberg_marquardt import Fit, Quadratic
@@ -16,6 +17,9 @@ from ertskin.diagnosis.search import selection, trials
 from ertskin.physics.conduction.mesh import MeshError
 from ertskin.physics.effects.piezo_hysteresis import PiezoHysteresis
 from ertskin.physics.effects.piezo_inhomogeneity import PiezoInhomogeneity
+
+PROBLEM: Any = SimpleNamespace(evidence=SimpleNamespace(criteria=DEFAULT))
+"""All that is asked of the problem of a fit that has settled."""
 
 
 def fitted(slopes: list[float], pulls: list[float]) -> Solved:
@@ -46,7 +50,7 @@ def test_a_term_that_one_cell_alone_wants_gains_nothing_held_out() -> None:
 
 
 def test_a_term_that_spoils_frames_solved_in_full_gives_way_to_the_next(monkeypatch: pytest.MonkeyPatch) -> None:
-    here, wild, tame = (Standing(None, None, misfit, 0.0) for misfit in (3.0, 9.0, 2.0))  # type: ignore[arg-type]
+    here, wild, tame = (Standing(PROBLEM, None, misfit, 0.0) for misfit in (3.0, 9.0, 2.0))  # type: ignore[arg-type]
     settle = {"wild": wild, "tame": tame}
     monkeypatch.setattr(selection, "settled", lambda build, solved: settle[solved])
     trials = [trial("wild", "one", 50.0), trial("tame", "other", 40.0)]
@@ -64,7 +68,7 @@ def trial(solved: str, name: str, gain: float) -> trials.Trial:
 def test_of_forms_that_gain_alike_the_one_that_fits_best_where_it_settles(
     gain: float, best: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    here, first, second = (Standing(None, None, misfit, 0.0) for misfit in (3.0, 2.0, 1.5))  # type: ignore[arg-type]
+    here, first, second = (Standing(PROBLEM, None, misfit, 0.0) for misfit in (3.0, 2.0, 1.5))  # type: ignore[arg-type]
     settle = {"first": first, "second": second}
     monkeypatch.setattr(selection, "settled", lambda build, solved: settle[solved])
     trials = [trial("first", "spot", 50.0), trial("second", "spot", gain)]
@@ -76,7 +80,7 @@ def test_of_forms_that_gain_alike_the_one_that_fits_best_where_it_settles(
 
 
 def test_a_form_that_gains_less_has_its_turn_where_the_best_spoils(monkeypatch: pytest.MonkeyPatch) -> None:
-    here, wild, tame = (Standing(None, None, misfit, 0.0) for misfit in (3.0, 9.0, 2.0))  # type: ignore[arg-type]
+    here, wild, tame = (Standing(PROBLEM, None, misfit, 0.0) for misfit in (3.0, 9.0, 2.0))  # type: ignore[arg-type]
     monkeypatch.setattr(selection, "settled", lambda build, solved: {"wild": wild, "tame": tame}[solved])
     trials = [trial("wild", "spot", 100.0), trial("tame", "spot", 30.0)]
     found = selection._first_to_hold(None, here, trials)  # type: ignore[arg-type]
@@ -98,7 +102,7 @@ def test_a_trial_that_settles_where_no_sheet_is_gives_way_too(error: Exception, 
             raise error
         return tame
 
-    here, tame = (Standing(None, None, misfit, 0.0) for misfit in (3.0, 2.0))  # type: ignore[arg-type]
+    here, tame = (Standing(PROBLEM, None, misfit, 0.0) for misfit in (3.0, 2.0))  # type: ignore[arg-type]
     monkeypatch.setattr(selection, "settled", settle)
     trials = [trial("nowhere", "one", 50.0), trial("there", "other", 40.0)]
     found = selection._first_to_hold(None, here, trials)  # type: ignore[arg-type]
@@ -132,7 +136,7 @@ def test_a_fit_that_does_not_come_back_is_begun_from_nearer(costs: list[float], 
 
 def test_a_drift_must_show_where_nothing_presses() -> None:
     rest = np.array([True, True, False, False])
-    problem: Any = SimpleNamespace(evidence=SimpleNamespace(rest=rest), weight=np.ones(4))
+    problem: Any = SimpleNamespace(evidence=SimpleNamespace(rest=rest, criteria=DEFAULT), weight=np.ones(4))
 
     def residual(resting: float, pressed: float) -> Any:
         return SimpleNamespace(scan_residual=np.where(rest, resting, pressed)[:, None] * np.ones((4, 20)))
@@ -151,9 +155,11 @@ def test_the_candidate_that_fits_best_is_fitted_to_its_end_where_it_predicts_wor
 
     loop, spot = Term(PiezoHysteresis(width=0.1), ("width",)), Term(PiezoInhomogeneity(amplitude=0.1), ("amplitude",))
     begun = {loop.name: fit(loop, 3.0, first), spot.name: fit(spot, 70.0, 20.0)}
-    problem: Any = SimpleNamespace(reuse=False, solve=lambda terms, start, leftover: fit(terms[0], 3.0, 95.0))
+    problem: Any = SimpleNamespace(
+        reuse=False, solve=lambda terms, start, leftover: fit(terms[0], 3.0, 95.0), evidence=PROBLEM.evidence
+    )
     monkeypatch.setattr(trials, "_beside", lambda problem, current, term, leftover: begun[term.name])
-    monkeypatch.setattr(trials, "gained", lambda without, present, partitions: present.gain)
+    monkeypatch.setattr(trials, "gained", lambda without, present, partitions, criteria: present.gain)
     monkeypatch.setattr(trials, "_with_remainders", lambda problem, trials, partitions: ())
     monkeypatch.setattr(trials, "of_frames", lambda solved: solved.cost)
     candidates: Any = [SimpleNamespace(term=term, gain=0.0) for term in (loop, spot)]
@@ -164,5 +170,5 @@ def test_the_candidate_that_fits_best_is_fitted_to_its_end_where_it_predicts_wor
 def test_what_is_material_of_the_scans_does_not_hang_on_what_no_network_explains() -> None:
     fit = Fit(np.zeros(1), Quadratic(np.array([9e5, 0.0]), np.zeros((2, 1)), np.zeros((2, 1, 1))), np.zeros((1, 1)), 1)
     solved = Solved(None, (), fit, np.full((100, 10), 1.2))  # type: ignore[arg-type]
-    least = trials.material_cost(1000, trials.of_scans(solved))
+    least = trials.material_cost(1000, trials.of_scans(solved), DEFAULT)
     assert least == pytest.approx(0.5 * 1000 * (1.03**2 - 1) * 1.2)

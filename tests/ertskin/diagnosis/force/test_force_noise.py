@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from ertskin.diagnosis.force.noise import SURELY, ForceNoise
+from ertskin.diagnosis.criteria import DEFAULT
+from ertskin.diagnosis.force.noise import ForceNoise
 
 
 def test_noise_known_from_a_dozen_frames_is_seldom_exceeded_by_the_same_noise():
@@ -10,17 +11,17 @@ def test_noise_known_from_a_dozen_frames_is_seldom_exceeded_by_the_same_noise():
     exceeded = 0
     for _ in range(2000):
         noise = ForceNoise(float(rng.standard_normal(13).std(ddof=1)), 12)
-        exceeded += noise.exceeded(float(np.sqrt(np.mean(rng.standard_normal(96) ** 2))), 96)
-    assert exceeded <= 2000 * SURELY * 10
+        exceeded += noise.exceeded(float(np.sqrt(np.mean(rng.standard_normal(96) ** 2))), 96, DEFAULT)
+    assert exceeded <= 2000 * DEFAULT.force_chance * 10
 
 
 def test_a_misfit_of_half_the_noise_on_top_is_seen_where_the_noise_is_known_well():
-    assert ForceNoise(0.01, 400).exceeded(0.015, 96)
-    assert not ForceNoise(0.01, 12).exceeded(0.015, 96)
+    assert ForceNoise(0.01, 400).exceeded(0.015, 96, DEFAULT)
+    assert not ForceNoise(0.01, 12).exceeded(0.015, 96, DEFAULT)
 
 
 def test_what_is_hardly_more_does_not_count_however_sure_it_is():
-    assert not ForceNoise(0.01, 10**7).exceeded(0.0105, 10**6)
+    assert not ForceNoise(0.01, 10**7).exceeded(0.0105, 10**6, DEFAULT)
 
 
 def test_a_lost_motion_is_seen_by_its_sign_though_it_is_no_larger_than_the_noise():
@@ -29,7 +30,7 @@ def test_a_lost_motion_is_seen_by_its_sign_though_it_is_no_larger_than_the_noise
     noise = 0.01 * rng.standard_normal(96)
     cell = ForceNoise(0.01, 88)
     lost = noise + np.where(phase == 1, -0.007, 0.009)
-    assert cell.leans(lost, phase)
-    assert not cell.exceeded(float(np.sqrt(np.mean(lost**2))), 96)
-    assert not cell.leans(rng.permutation(lost), phase)
-    assert not any(cell.leans(0.01 * rng.standard_normal(96), phase) for _ in range(1000))
+    assert cell.leans(lost, phase, DEFAULT)
+    assert not cell.exceeded(float(np.sqrt(np.mean(lost**2))), 96, DEFAULT)
+    assert not cell.leans(rng.permutation(lost), phase, DEFAULT)
+    assert not any(cell.leans(0.01 * rng.standard_normal(96), phase, DEFAULT) for _ in range(1000))

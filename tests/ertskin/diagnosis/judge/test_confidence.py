@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from ertskin.diagnosis.contract.claims import Claim, Reason
-from ertskin.diagnosis.judge.answer import SATURATED, _instrument_claims
+from ertskin.diagnosis.criteria import DEFAULT
+from ertskin.diagnosis.judge.answer import _instrument_claims
 from ertskin.diagnosis.judge.confidence import (
     left_over,
     left_over_of_force,
@@ -32,44 +33,44 @@ def claim(effect: Effect, alone: float) -> Claim:
 
 def test_what_stays_unexplained_is_shared_by_all_but_the_load_cells_names() -> None:
     claims = [claim(SheetAnisotropy(stretch_x=0.1), 2.0), claim(NonlinearFoam(stiffening=0.5), 2.0)]
-    assert left_over(claims, 3.0, 1.0) == claims
-    lowered, kept = left_over(claims, 3.0, 2.236)
+    assert left_over(claims, 3.0, 1.0, DEFAULT) == claims
+    lowered, kept = left_over(claims, 3.0, 2.236, DEFAULT)
     assert lowered.confidence == pytest.approx(0.95 * 0.302, abs=0.01)
     assert kept.confidence == 0.95
 
 
 def test_presses_that_do_not_repeat_speak_against_names_of_places_alone() -> None:
     claims = [claim(SheetAnisotropy(stretch_x=0.1), 2.0), claim(PiezoHysteresis(width=0.1), 2.0)]
-    placed, other = left_over(claims, 3.0, 2.236, 1.05)
-    assert placed == left_over(claims, 3.0, 2.236)[0]
+    placed, other = left_over(claims, 3.0, 2.236, DEFAULT, 1.05)
+    assert placed == left_over(claims, 3.0, 2.236, DEFAULT)[0]
     assert other.confidence == 0.95
 
 
 def test_a_foam_that_leaves_force_unexplained_is_less_sure() -> None:
     lost_motion = [claim(NonlinearFoam(stiffening=0.5), 1.5)]
-    assert left_over_of_force(lost_motion, 2.0, 1.0) == lost_motion
-    assert left_over_of_force(lost_motion, 2.0, 1.5)[0].confidence == pytest.approx(0.95 * 0.3815, abs=0.01)
+    assert left_over_of_force(lost_motion, 2.0, 1.0, DEFAULT) == lost_motion
+    assert left_over_of_force(lost_motion, 2.0, 1.5, DEFAULT)[0].confidence == pytest.approx(0.95 * 0.3815, abs=0.01)
 
 
 def test_a_small_claim_beside_strong_kin_may_only_mend_its_form() -> None:
     strong, small = claim(PiezoCreep(fraction=0.2), 3.0), claim(PiezoHysteresis(width=0.02), 1.2)
-    kept, doubted = mending([strong, small])
+    kept, doubted = mending([strong, small], DEFAULT)
     assert kept == strong
     assert doubted.confidence == pytest.approx(0.475)
     assert doubted.alternatives == (("piezo_creep", pytest.approx(0.475)),)
     equal = claim(PiezoHysteresis(width=0.1), 2.5)
-    assert mending([strong, equal]) == [strong, equal]
+    assert mending([strong, equal], DEFAULT) == [strong, equal]
     stranger = claim(ScanSkew(speed_m_per_s=1e-3), 1.1)
-    assert mending([strong, stranger]) == [strong, stranger]
+    assert mending([strong, stranger], DEFAULT) == [strong, stranger]
 
 
 def test_a_small_gain_in_the_network_means_little_beside_much_that_is_none() -> None:
     sheet = [claim(SheetAnisotropy(stretch_x=0.1), 1.2)]
-    assert overshadowed(sheet, (6624, 276), (1.2, 1.0), 1.0) == sheet
-    assert overshadowed(sheet, (6624, 276), (1.2, 1.0), 1.5)[0].confidence < 0.05
-    assert overshadowed(sheet, (6624, 276), (10.0, 1.0), 1.06)[0].confidence > 0.9
+    assert overshadowed(sheet, (6624, 276), (1.2, 1.0), 1.0, DEFAULT) == sheet
+    assert overshadowed(sheet, (6624, 276), (1.2, 1.0), 1.5, DEFAULT)[0].confidence < 0.05
+    assert overshadowed(sheet, (6624, 276), (10.0, 1.0), 1.06, DEFAULT)[0].confidence > 0.9
     instrument = [claim(ScanSkew(speed_m_per_s=1e-3), 1.2)]
-    assert overshadowed(instrument, (6624, 276), (1.2, 1.0), 1.5) == instrument
+    assert overshadowed(instrument, (6624, 276), (1.2, 1.0), 1.5, DEFAULT) == instrument
 
 
 def test_a_sheet_that_explains_what_stands_but_not_what_presses_change_is_less_sure() -> None:
@@ -78,21 +79,24 @@ def test_a_sheet_that_explains_what_stands_but_not_what_presses_change_is_less_s
     noise = rng.standard_normal((60, 30))
     standing, pressed = 1.5 * rng.standard_normal(30), np.where(rest, 0.0, 1.0)[:, None] * rng.standard_normal(30)
     claims = [claim(SheetAnisotropy(stretch_x=0.1), 1.8), claim(PiezoCreep(fraction=0.2), 1.8)]
-    assert standing_only(claims, noise + standing + pressed, noise, rest) == claims
-    assert standing_only(claims, noise + standing, noise, rest) == claims
-    doubted, kept = standing_only(claims, noise + standing + pressed, noise + pressed, rest)
+    assert standing_only(claims, (noise + standing + pressed, noise), rest, DEFAULT) == claims
+    assert standing_only(claims, (noise + standing, noise), rest, DEFAULT) == claims
+    doubted, kept = standing_only(claims, (noise + standing + pressed, noise + pressed), rest, DEFAULT)
     assert doubted.confidence == pytest.approx(0.475)
     assert kept.confidence == 0.95
-    shown = standing_only(claims, noise + standing + pressed, noise + pressed, rest, {SheetAnisotropy.name})
+    residuals = (noise + standing + pressed, noise + pressed)
+    shown = standing_only(claims, residuals, rest, DEFAULT, {SheetAnisotropy.name})
     assert shown == claims
 
 
 def test_a_limit_is_half_as_sure_where_the_readings_below_it_are_not_straight() -> None:
     protocol = SimpleNamespace(adc_volts_per_count=1e-4)
     evidence = SimpleNamespace(saturated_v=5.0, leftover_ratio=1.3, protocol=protocol)
-    straight, curved = (SimpleNamespace(evidence=evidence, instrument_off=off) for off in (False, True))
-    assert _instrument_claims(straight)[0].confidence == SATURATED  # type: ignore[arg-type]
-    assert _instrument_claims(curved)[0].confidence == 0.5 * SATURATED  # type: ignore[arg-type]
+    straight, curved = (
+        SimpleNamespace(evidence=evidence, instrument_off=off, criteria=DEFAULT) for off in (False, True)
+    )
+    assert _instrument_claims(straight)[0].confidence == DEFAULT.saturation_confidence  # type: ignore[arg-type]
+    assert _instrument_claims(curved)[0].confidence == 0.5 * DEFAULT.saturation_confidence  # type: ignore[arg-type]
     assert _instrument_claims(straight)[0].parameters["limit_v"].value == 5.0  # type: ignore[arg-type]
 
 

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ertskin.diagnosis.judge.contact_drift_claims import MATERIAL, SURE, drift_claims
+from ertskin.diagnosis.criteria import DEFAULT
+from ertskin.diagnosis.judge.contact_drift_claims import drift_claims
 from ertskin.physics.effects.contact_drift import ContactDrift
 
 FRAMES, PAIRS, ELECTRODES = 6, 40, 4
@@ -25,7 +26,7 @@ def selection(sizes: list[float]) -> Any:
     problem = SimpleNamespace(
         contact_columns=lambda skin: column,
         family=SimpleNamespace(skin=lambda calibration, effects: None),
-        evidence=SimpleNamespace(history=SimpleNamespace(time_s=time_s)),
+        evidence=SimpleNamespace(history=SimpleNamespace(time_s=time_s), criteria=DEFAULT),
         weight=np.ones(FRAMES),
     )
     solved = SimpleNamespace(effects=drifts, calibration=SimpleNamespace(contact_ohm=np.ones(ELECTRODES)))
@@ -37,7 +38,7 @@ def claimed(sizes: list[float]) -> list[int]:
 
 
 def test_small_ones_are_claimed_where_together_they_matter() -> None:
-    alone = 0.9 * np.sqrt(MATERIAL**2 - 1)
+    alone = 0.9 * np.sqrt(DEFAULT.material_ratio**2 - 1)
     assert claimed([alone]) == []
     assert claimed([alone] * 4) == [0, 1, 2]
 
@@ -45,5 +46,5 @@ def test_small_ones_are_claimed_where_together_they_matter() -> None:
 def test_the_largest_comes_first_and_what_is_left_is_not_claimed() -> None:
     assert claimed([0.01, 1.0, 0.5, 0.02]) == [1, 2]
     first = drift_claims(selection([0.01, 1.0]))[0]
-    assert first.confidence == SURE
+    assert first.confidence == DEFAULT.drift_confidence
     assert first.ratio_alone == pytest.approx(np.sqrt(2.0), rel=1e-3)

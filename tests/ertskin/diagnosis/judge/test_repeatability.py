@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from small_skin import SMALL, small_law, small_sensor
 
+from ertskin.diagnosis.criteria import DEFAULT
 from ertskin.diagnosis.judge.repeatability import repeatability
 from ertskin.physics.history import History, Phase
 from ertskin.physics.protocol import Protocol, electrode_pairs
@@ -58,7 +59,7 @@ def test_presses_that_scatter_are_found_with_how_much(skin: Skin) -> None:
     rng = np.random.default_rng(1)
     landing, strength = 3e-4 * rng.standard_normal((15, 2)), 1 + 0.08 * rng.standard_normal(15)
     scatter = found(skin, landing, strength)
-    assert scatter.matters
+    assert scatter.matters(DEFAULT)
     assert scatter.landing_m == pytest.approx(np.sqrt((landing**2).mean()), rel=0.2)
     assert scatter.strength == pytest.approx(np.sqrt(((strength - 1) ** 2).mean()), rel=0.25)
     assert scatter.without > 3
@@ -70,7 +71,7 @@ def test_places_that_differ_are_not_presses_that_differ(skin: Skin) -> None:
     strength = np.tile(1 + 0.1 * rng.standard_normal(len(PLACES)), VISITS)
     scatter = found(skin, np.zeros((15, 2)), strength)
     assert scatter.between_repeats < 0.3
-    assert not scatter.matters
+    assert not scatter.matters(DEFAULT)
 
 
 def test_what_goes_with_the_load_or_with_the_first_press_is_no_scatter(skin: Skin) -> None:
@@ -80,17 +81,17 @@ def test_what_goes_with_the_load_or_with_the_first_press_is_no_scatter(skin: Ski
     for strength in (first, 0.8 + load_n / 15):
         scatter = found(skin, stay, strength, load_n)
         assert scatter.without > 1.2
-        assert not scatter.matters
+        assert not scatter.matters(DEFAULT)
 
 
 def test_a_press_that_missed_the_skin_takes_no_part(skin: Skin) -> None:
     rng = np.random.default_rng(1)
     strength = 1 + 0.08 * rng.standard_normal(15)
     load_n = np.where(np.arange(15) == 7, 0.0, 3.0)
-    assert found(skin, 3e-4 * rng.standard_normal((15, 2)), strength, load_n).matters
+    assert found(skin, 3e-4 * rng.standard_normal((15, 2)), strength, load_n).matters(DEFAULT)
 
 
 def test_presses_that_repeat_leave_nothing_to_say(skin: Skin) -> None:
     scatter = found(skin, np.zeros((15, 2)), np.ones(15))
     assert scatter.without == pytest.approx(1.0, abs=0.1)
-    assert not replace(scatter, between_repeats=float("nan")).matters
+    assert not replace(scatter, between_repeats=float("nan")).matters(DEFAULT)

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from small_skin import SMALL, small_law, small_sensor
+from small_skin import SMALL, small_law, small_sensor, two_presses
 
 from ertskin.diagnosis.linear.calibration_vector import SHAPE, Calibration, SkinFamily
 from ertskin.diagnosis.linear.linear_skin import LinearSkin
@@ -17,7 +17,6 @@ from ertskin.physics.effects.piezo_hysteresis import PiezoHysteresis
 from ertskin.physics.effects.scan_skew import ScanSkew
 from ertskin.physics.effects.sheet_inhomogeneity import SheetInhomogeneity
 from ertskin.physics.effects.temperature_drift import TemperatureDrift
-from ertskin.physics.history import History, Phase
 from ertskin.physics.protocol import Protocol, electrode_pairs
 from ertskin.physics.skin import Skin
 
@@ -55,14 +54,3 @@ def test_derivatives_by_the_law_are_the_differences_it_makes(effects: tuple[Effe
         difference = (sides[0] - sides[1]) / (2 * STEP)
         assert np.abs(difference).max() > 0
         np.testing.assert_allclose(found[..., column], difference, atol=2e-3 * np.abs(difference).max())
-
-
-def two_presses() -> History:
-    """Two presses to 2 mm and back, frames at rest about them."""
-    depth_m = np.array([np.nan, 1e-3, 2e-3, 1e-3] * 2 + [np.nan])
-    phase = [Phase.REST, Phase.LOADING, Phase.LOADING, Phase.UNLOADING] * 2 + [Phase.REST]
-    press = np.repeat([0, 1, 2], [4, 4, 1])
-    place = np.array([[0.012, 0.01], [0.03, 0.04], [np.nan, np.nan]])[press]
-    contact_m = np.where(np.isfinite(depth_m)[:, None], place, np.nan)[:, None]
-    nowhere = np.full((len(press), 1), np.nan)
-    return History(5.0 * np.arange(9), press, np.array(phase, dtype=np.uint8), contact_m, depth_m[:, None], nowhere)

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from small_skin import SMALL, small_law, small_sensor
+from small_skin import SMALL, small_law, small_sensor, two_presses
 
 from ertskin.diagnosis.fit.joint_fit import VoltageProblem
 from ertskin.diagnosis.linear.linear_skin import LinearSkin
@@ -19,7 +19,7 @@ from ertskin.physics.effects.piezo_creep import PiezoCreep
 from ertskin.physics.effects.piezo_hysteresis import PiezoHysteresis
 from ertskin.physics.effects.scan_skew import ScanSkew
 from ertskin.physics.effects.temperature_drift import TemperatureDrift
-from ertskin.physics.history import History, Phase
+from ertskin.physics.history import History
 from ertskin.physics.protocol import Protocol, electrode_pairs
 from ertskin.physics.skin import Skin
 
@@ -41,14 +41,7 @@ def skin() -> Skin:
 
 @pytest.fixture(scope="module")
 def history() -> History:
-    """Two presses to 2 mm and back, frames at rest about them."""
-    depth_m = np.array([np.nan, 1e-3, 2e-3, 1e-3] * 2 + [np.nan])
-    phase = [Phase.REST, Phase.LOADING, Phase.LOADING, Phase.UNLOADING] * 2 + [Phase.REST]
-    press = np.repeat([0, 1, 2], [4, 4, 1])
-    place = np.array([[0.012, 0.01], [0.03, 0.04], [np.nan, np.nan]])[press]
-    contact_m = np.where(np.isfinite(depth_m)[:, None], place, np.nan)[:, None]
-    nowhere = np.full((len(press), 1), np.nan)
-    return History(5.0 * np.arange(9), press, np.array(phase, dtype=np.uint8), contact_m, depth_m[:, None], nowhere)
+    return two_presses()
 
 
 @pytest.fixture(scope="module")

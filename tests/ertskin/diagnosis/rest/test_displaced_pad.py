@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from ertskin.diagnosis.criteria import DEFAULT
 from ertskin.diagnosis.rest.displaced_pad import displaced_pad
 from ertskin.diagnosis.rest.rest_frames import fitted_at_rest
 from ertskin.hardware.virtual.bench.nominal import nominal_protocol, nominal_sensor
@@ -37,7 +38,7 @@ def at_rest(sensor: Sensor) -> tuple[Skin, np.ndarray, float, float]:
 def test_it_is_found_where_it_lies() -> None:
     skin, *rest = at_rest(ElectrodeDisplacement(0, 2.6e-3, 1.4e-3).geometry(nominal_sensor()))
     assert skin.contact_resistance_ohm[0] < 5.0
-    found = displaced_pad(skin, *rest)
+    found = displaced_pad(skin, *rest, DEFAULT)
     assert found is not None
     assert found.electrode == 0
     # The prior on its contact resistance pulls a little.
@@ -45,7 +46,7 @@ def test_it_is_found_where_it_lies() -> None:
 
 
 def test_none_is_made_up() -> None:
-    assert displaced_pad(*at_rest(nominal_sensor())) is None
+    assert displaced_pad(*at_rest(nominal_sensor()), DEFAULT) is None
 
 
 @pytest.mark.parametrize("contact_ohm", [1e-3, 250.0])
@@ -53,4 +54,4 @@ def test_a_scan_that_no_place_explains_moves_none(contact_ohm: float) -> None:
     skin, scan_v, noise_v, _ = at_rest(nominal_sensor())
     skin.contact_resistance_ohm[0] = contact_ohm
     other = np.random.default_rng(3).permutation(scan_v)
-    assert displaced_pad(skin, other, noise_v, 1e3) is None
+    assert displaced_pad(skin, other, noise_v, 1e3, DEFAULT) is None

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from ertskin.diagnosis.criteria import DEFAULT
 from ertskin.diagnosis.rest.rest_frames import (
     _contact_drift,
     _largest_by_chance,
@@ -84,23 +85,27 @@ def test_the_undisturbed_mean_knows_neither_creep_nor_drift() -> None:
 def test_white_noise_strays_in_no_direction() -> None:
     rng = np.random.default_rng(4)
     columns, _ = columns_and_traces(rng)
-    found = [_scatter(rng.standard_normal((FRAMES, NUMBERS)), EACH, columns, 1.0).stray.shape[1] for _ in range(40)]
+    found = [
+        _scatter(rng.standard_normal((FRAMES, NUMBERS)), EACH, columns, 1.0, DEFAULT).stray.shape[1] for _ in range(40)
+    ]
     assert np.mean(np.array(found) > 0) <= 0.1
     jitter = rng.standard_normal((FRAMES, NUMBERS)) + np.outer(4 * rng.standard_normal(FRAMES), columns[:, 2])
-    assert _scatter(jitter, EACH, columns, 1.0).stray.shape[1] == 1
+    assert _scatter(jitter, EACH, columns, 1.0, DEFAULT).stray.shape[1] == 1
     assert _largest_by_chance(200, 9) < _largest_by_chance(20, 9)
 
 
 def test_a_contact_that_jitters_is_named_and_noise_is_not() -> None:
     rng = np.random.default_rng(5)
     columns, _ = columns_and_traces(rng)
-    white = [_scatter(rng.standard_normal((FRAMES, NUMBERS)), EACH, columns, 1.0).jittering for _ in range(100)]
+    white = [
+        _scatter(rng.standard_normal((FRAMES, NUMBERS)), EACH, columns, 1.0, DEFAULT).jittering for _ in range(100)
+    ]
     assert max(white) == -1
     unit = columns[:, 2] / np.linalg.norm(columns[:, 2])
     jitter = rng.standard_normal((FRAMES, NUMBERS)) + np.outer(8 * rng.standard_normal(FRAMES), unit)
-    assert _scatter(jitter, EACH, columns, 1.0).jittering == 2
+    assert _scatter(jitter, EACH, columns, 1.0, DEFAULT).jittering == 2
     # Coloured noise strays along contacts too.
-    assert _scatter(1.5 * jitter, EACH, columns, 1.0).jittering == -1
+    assert _scatter(1.5 * jitter, EACH, columns, 1.0, DEFAULT).jittering == -1
 
 
 def test_contacts_that_all_jitter_are_how_the_skin_is_made() -> None:
@@ -108,11 +113,11 @@ def test_contacts_that_all_jitter_are_how_the_skin_is_made() -> None:
     columns, traces = columns_and_traces(rng)
     unit = columns[:, :CONTACTS] / np.linalg.norm(columns[:, :CONTACTS], axis=0)
     alike = rng.standard_normal((FRAMES, NUMBERS)) + 8 * rng.standard_normal((FRAMES, CONTACTS)) @ unit.T
-    assert _scatter(alike, EACH, columns, 1.0).stray.shape[1] == CONTACTS
+    assert _scatter(alike, EACH, columns, 1.0, DEFAULT).stray.shape[1] == CONTACTS
     time_s = np.arange(float(FRAMES))
     change = alike - alike.mean(axis=0)
     contacts, run = np.full(CONTACTS, 300.0), np.arange(FRAMES)
-    assert _contact_drift(change, time_s, run, 1.0, columns, np.zeros_like(traces), contacts) == ()
+    assert _contact_drift(change, time_s, run, 1.0, columns, np.zeros_like(traces), contacts, DEFAULT) == ()
 
 
 def test_none_of_many_contacts_that_jitter_alike_is_the_loose_one() -> None:
@@ -121,7 +126,7 @@ def test_none_of_many_contacts_that_jitter_alike_is_the_loose_one() -> None:
     for _ in range(60):
         columns = rng.standard_normal((NUMBERS, CONTACTS + 1)) * np.exp(0.5 * rng.standard_normal(CONTACTS + 1)) / 5
         alike = rng.standard_normal((FRAMES, CONTACTS)) @ columns[:, :CONTACTS].T
-        named.append(_scatter(rng.standard_normal((FRAMES, NUMBERS)) + alike, EACH, columns, 1.0).jittering)
+        named.append(_scatter(rng.standard_normal((FRAMES, NUMBERS)) + alike, EACH, columns, 1.0, DEFAULT).jittering)
     assert np.mean(np.array(named) >= 0) <= 0.1
 
 
@@ -132,7 +137,7 @@ def test_a_contact_that_is_another_one_in_every_run_scatters_by_all_of_that() ->
     for rests in (1, 2, 5, 20):
         run = np.repeat(np.arange(36), rests)
         moved = 8 * rng.standard_normal(36)[run]
-        noise = _scatter(rng.standard_normal((len(run), NUMBERS)) + np.outer(moved, unit), run, columns, 1.0)
+        noise = _scatter(rng.standard_normal((len(run), NUMBERS)) + np.outer(moved, unit), run, columns, 1.0, DEFAULT)
         assert np.linalg.norm(noise.stray) == pytest.approx(moved.std(), rel=0.25)
         assert noise.jittering == 2
 
@@ -150,6 +155,7 @@ def test_a_contact_that_drifts_is_followed() -> None:
         columns,
         np.zeros_like(traces),
         np.full(CONTACTS, 300.0),
+        DEFAULT,
     )
     assert isinstance(drift, ContactDrift)
     np.testing.assert_allclose(np.array(drift.ohm) / 300.0, 10 * path, atol=0.8)
@@ -158,15 +164,15 @@ def test_a_contact_that_drifts_is_followed() -> None:
 def test_a_walk_is_told_from_noise() -> None:
     rng = np.random.default_rng(8)
     none = np.zeros(40)
-    assert not wanders(rng.standard_normal(40), none)
-    assert wanders(np.cumsum(rng.standard_normal(40)), none)
+    assert not wanders(rng.standard_normal(40), none, DEFAULT)
+    assert wanders(np.cumsum(rng.standard_normal(40)), none, DEFAULT)
     seen = np.sin(np.arange(200) / 20) + rng.standard_normal(200)
-    assert wanders(seen, np.ones(200))
-    assert not wanders(seen, none)
+    assert wanders(seen, np.ones(200), DEFAULT)
+    assert not wanders(seen, none, DEFAULT)
     for count, least in ((7, 0.25), (14, 0.75), (24, 0.9)):
         error = np.zeros(count)
-        assert np.mean([wanders(rng.standard_normal(count), error) for _ in range(500)]) < 0.04
-        assert np.mean([wanders(np.cumsum(rng.standard_normal(count)), error) for _ in range(500)]) > least
+        assert np.mean([wanders(rng.standard_normal(count), error, DEFAULT) for _ in range(500)]) < 0.04
+        assert np.mean([wanders(np.cumsum(rng.standard_normal(count)), error, DEFAULT) for _ in range(500)]) > least
 
 
 def test_a_contact_that_changes_from_press_to_press_does_not_drift() -> None:
@@ -175,7 +181,7 @@ def test_a_contact_that_changes_from_press_to_press_does_not_drift() -> None:
     run = np.repeat(np.arange(FRAMES // 3), 3)
     loose = np.where(rng.random(FRAMES // 3) < 0.4, 10.0, 0.0)[run]
     change = rng.standard_normal((FRAMES, NUMBERS)) + np.outer(loose - loose.mean(), columns[:, 2])
-    plain = (1.0, columns, np.zeros_like(traces), np.full(CONTACTS, 300.0))
+    plain = (1.0, columns, np.zeros_like(traces), np.full(CONTACTS, 300.0), DEFAULT)
     assert _contact_drift(change, np.arange(float(FRAMES)), run, *plain) == ()
 
 
@@ -183,8 +189,8 @@ def test_coloured_noise_is_known_as_well_as_it_says():
     rng = np.random.default_rng(2)
     columns = rng.standard_normal((NUMBERS, 5))
     width = np.exp(0.7 * rng.standard_normal(NUMBERS))
-    found = [_scatter(width * rng.standard_normal((FRAMES, NUMBERS)), EACH, columns, 0.5) for _ in range(200)]
+    found = [_scatter(width * rng.standard_normal((FRAMES, NUMBERS)), EACH, columns, 0.5, DEFAULT) for _ in range(200)]
     rms = np.array([noise.rms_v for noise in found])
     stated = np.mean([noise.error for noise in found])
     assert stated == pytest.approx(rms.std() / rms.mean(), rel=0.4)
-    assert _scatter(rng.standard_normal((FRAMES, NUMBERS)), EACH, columns, 1.0).error == 0.0
+    assert _scatter(rng.standard_normal((FRAMES, NUMBERS)), EACH, columns, 1.0, DEFAULT).error == 0.0

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from ertskin.diagnosis.criteria import DEFAULT
 from ertskin.diagnosis.fit.joint_fit import Modes, Solved, Term
 from ertskin.diagnosis.fit.levenberg_marquardt import Fit, Quadratic
 from ertskin.diagnosis.search import gain
@@ -28,13 +29,13 @@ def foretold(monkeypatch: pytest.MonkeyPatch, without: Solved, costs: tuple[list
 def test_no_prediction_gains_or_loses_more_than_the_fit(monkeypatch: pytest.MonkeyPatch) -> None:
     without, present = fit([100.0, 100.0, 100.0]), fit([90.0, 80.0, 95.0])
     foretold(monkeypatch, without, ([500.0, 100.0, 100.0], [100.0, 900.0, 97.0]))
-    assert gain.gained(without, present, [[0], [1], [2]]) == pytest.approx(10.0 - 20.0 + 3.0)
+    assert gain.gained(without, present, [[0], [1], [2]], DEFAULT) == pytest.approx(10.0 - 20.0 + 3.0)
 
 
 def test_what_halves_the_misfit_gains_that_however_wild_its_predictions(monkeypatch: pytest.MonkeyPatch) -> None:
     without, present = fit([100.0, 100.0]), fit([10.0, 10.0])
     foretold(monkeypatch, without, ([100.0, 100.0], [1e6, 20.0]))
-    assert gain.gained(without, present, [[0], [1]]) == pytest.approx(180.0)
+    assert gain.gained(without, present, [[0], [1]], DEFAULT) == pytest.approx(180.0)
 
 
 def test_a_smooth_field_pays_for_its_freedom() -> None:

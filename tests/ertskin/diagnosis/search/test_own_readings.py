@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+from ertskin.diagnosis.criteria import DEFAULT
 from ertskin.diagnosis.fit.full_solution_check import Standing
 from ertskin.diagnosis.search import selection
 from ertskin.physics.effects.piezo_hysteresis import PiezoHysteresis
@@ -16,7 +17,7 @@ LOOP = PiezoHysteresis(width=0.1)
 
 def standing(own: tuple[Any, ...] = ()) -> Any:
     """A fit of a skin and a specimen that remembers by its ``own`` effects."""
-    problem: Any = SimpleNamespace(specimen=SimpleNamespace(effects=own))
+    problem: Any = SimpleNamespace(specimen=SimpleNamespace(effects=own), evidence=SimpleNamespace(criteria=DEFAULT))
     solved: Any = SimpleNamespace(effects=())
     return Standing(problem, solved, 1.0, 0.0)
 
@@ -27,7 +28,7 @@ def test_a_specimen_that_shows_nothing_of_what_the_skin_remembers_is_left_out(
 ) -> None:
     here, apart = standing(own), standing()
     made = selection._Search(None, [], lambda share, text: None, 0, {})  # type: ignore[arg-type]
-    monkeypatch.setattr(selection, "remembers_alike", lambda specimen, effects: alike)
+    monkeypatch.setattr(selection, "remembers_alike", lambda specimen, effects, criteria: alike)
     monkeypatch.setattr(selection, "_where_it_settles", lambda build, problem, solved: apart)
     monkeypatch.setattr(selection, "_reconsidered", lambda build, there: there)
     left_out = not alike and not own

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from ertskin.diagnosis.criteria import DEFAULT
 from ertskin.diagnosis.specimen.agreement import remembers_alike
 from ertskin.diagnosis.specimen.signal import SpecimenSignal
 from ertskin.physics.effects.effect import PiezoEffect
@@ -43,4 +44,4 @@ def specimen(effects: tuple[PiezoEffect, ...]) -> SpecimenSignal:
 def test_memories_are_compared_on_the_specimen(
     own: tuple[PiezoEffect, ...], skin: tuple[PiezoEffect, ...], alike: bool
 ) -> None:
-    assert remembers_alike(specimen(own), skin) is alike
+    assert remembers_alike(specimen(own), skin, DEFAULT) is alike

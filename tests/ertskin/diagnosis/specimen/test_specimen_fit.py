@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from ertskin.diagnosis.criteria import DEFAULT
 from ertskin.diagnosis.specimen.fit import SpecimenTest, specimen_findings
 from ertskin.physics.effects.effect import PiezoEffect
 from ertskin.physics.effects.piezo_creep import PiezoCreep
@@ -28,13 +29,13 @@ def specimen(effects: tuple[PiezoEffect, ...], seed: int) -> SpecimenTest:
 
 @pytest.mark.parametrize("seed", range(10))
 def test_a_clean_specimen_shows_nothing(seed: int) -> None:
-    findings, noise = specimen_findings(specimen((), seed))
+    findings, noise = specimen_findings(specimen((), seed), DEFAULT)
     assert findings == []
     assert noise == pytest.approx(NOISE, rel=0.15)
 
 
 def test_hysteresis_is_told_from_creep() -> None:
-    findings, noise = specimen_findings(specimen((PiezoHysteresis(width=0.06),), 1))
+    findings, noise = specimen_findings(specimen((PiezoHysteresis(width=0.06),), 1), DEFAULT)
     assert [f.effect.name for f in findings] == ["piezo_hysteresis"]
     assert findings[0].effect.values()["width"] == pytest.approx(0.06, rel=0.05)
     assert min(rival.short for rival in findings[0].rivals) > 50
@@ -42,12 +43,12 @@ def test_hysteresis_is_told_from_creep() -> None:
 
 
 def test_creep_is_told_from_hysteresis() -> None:
-    findings, _ = specimen_findings(specimen((PiezoCreep(fraction=0.2, time_s=6.0),), 2))
+    findings, _ = specimen_findings(specimen((PiezoCreep(fraction=0.2, time_s=6.0),), 2), DEFAULT)
     assert [f.effect.name for f in findings] == ["piezo_creep"]
     assert findings[0].effect.values()["time_s"] == pytest.approx(6.0, rel=0.1)
 
 
 def test_both_at_once() -> None:
-    findings, noise = specimen_findings(specimen((PiezoHysteresis(width=0.08), PiezoCreep(0.1, 8.0)), 3))
+    findings, noise = specimen_findings(specimen((PiezoHysteresis(width=0.08), PiezoCreep(0.1, 8.0)), 3), DEFAULT)
     assert {f.effect.name for f in findings} == {"piezo_hysteresis", "piezo_creep"}
     assert noise == pytest.approx(NOISE, rel=0.15)
