@@ -14,7 +14,7 @@ from ertskin.calibration.ready import ready_calibration
 from ertskin.data.grid import spacing_m
 from ertskin.data.material import Material
 from ertskin.data.shards import file_sha256
-from ertskin.data.simulated import recorded_discrepancy, rising, simulated, simulated_trials
+from ertskin.data.simulated import material_and_forward, recorded_discrepancy, rising
 from ertskin.data.skin_forward import SkinForward, skin_of
 from ertskin.data.sources import calibration_path
 from ertskin.data.synthesis import Forward
@@ -73,7 +73,7 @@ def evaluate(config: DictConfig, files: EvaluatedRecordings, say: Say = lambda l
         judged, told, checksums[grid.name] = _on_taxels(grid, on_taxels, say)
         methods, remarks = methods + judged, remarks + told
     if ANYWHERE_ROLE in recordings:
-        anywhere, more = evaluate_anywhere(config, recordings[ANYWHERE_ROLE], groups, say)
+        anywhere, more = evaluate_anywhere(config, files.training, recordings[ANYWHERE_ROLE], groups, say)
         methods, remarks = merged(methods, anywhere), remarks + more
     methods = _in_order(methods)
     say("report")
@@ -119,7 +119,7 @@ def _on_taxels(grid: Grid, recordings: dict[str, Recording], say: Say) -> tuple[
     checksum."""
     config, groups = grid.config, grid.groups
     say(f"simulated trials {grid.name}".rstrip())
-    material = simulated(config)
+    material, simulation = material_and_forward(config, recordings["training"])
     tests = [recording for role, recording in recordings.items() if role != "training"]
     zeroed = [touches_of(recording) for recording in tests]
     frames = _frames(zeroed, material, grid.name)
@@ -142,9 +142,9 @@ def _on_taxels(grid: Grid, recordings: dict[str, Recording], say: Say) -> tuple[
         if trained:
             say(name)
             methods.append(network_result(name, trained, as_seen))
-    forward, rest = _physics(config, recordings["training"], material)
+    forward = _corrected(config, recordings["training"], material, simulation)
     seeds = range(int(config.yardstick_seeds))
-    beside = yardsticks(list(config.yardsticks), material, forward, rest, frames, seeds, say)
+    beside = yardsticks(list(config.yardsticks), material, forward, lambda: _at_rest(simulation), frames, seeds, say)
     methods += [replace(method, name=f"{method.name} {grid.name}".rstrip()) for method in beside]
     return [replace(method, grid=grid.name) for method in methods], remarks, material.checksum
 
@@ -168,13 +168,8 @@ def _frames(tests: Sequence[Touches], material: Material, grid: str) -> TestFram
     return TestFrames.of(tests, material.taxel_m, within_m)
 
 
-def _physics(config: DictConfig, recording: Recording, material: Material) -> tuple[Forward, Callable[[], Solution]]:
-    """The forward model behind the material, discrepancy included where it has one, and the sheet at rest."""
-    forward = simulated_trials(config, recording).forward
-    return _corrected(config, recording, material, forward), lambda: _at_rest(forward)
-
-
 def _corrected(config: DictConfig, recording: Recording, material: Material, forward: SkinForward) -> Forward:
+    """The forward model behind the material, discrepancy included where it has one."""
     if recording.frames is None or not config.data.discrepancy:
         return forward
     real = rising(touches_of(recording))
@@ -185,6 +180,7 @@ def _corrected(config: DictConfig, recording: Recording, material: Material, for
 
 
 def _at_rest(forward: SkinForward) -> Solution:
+    """The sheet at rest."""
     skin = skin_of(forward.calibration, forward.protocol, {}, forward.resolution)
     sheet = skin.sheet
     return sheet.solve(sheet.uniform(skin.sensor.sheet_resistance_ohm_sq), skin.contact_resistance_ohm)

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from rich import box
 from rich.console import Console
-from rich.table import Table
 
+from ertskin import terminal_table
 from ertskin.evaluation.results import PAPER, MethodResult, metric_names
 from ertskin.report.units import CONTACTS, METRICS, Metric
+from ertskin.terminal_table import Column, Row
 
 CAPTION = (
     "1: single presses, 2: two weights. hit, exact: the set of taxels is exactly right. "
@@ -43,25 +43,21 @@ def tables(methods: Sequence[MethodResult]) -> list[tuple[list[str], str]]:
 
 
 def _print(console: Console, methods: Sequence[MethodResult], names: list[str], caption: str) -> None:
-    table = Table(
-        box=box.SIMPLE_HEAD,
-        show_edge=False,
-        caption=caption,
-        caption_justify="left",
-        pad_edge=False,
-        padding=(0, 1, 0, 0),
-    )
-    table.add_column("method", no_wrap=True)
-    for name in names:
-        metric = METRICS[name]
-        table.add_column(f"{metric.short}\n{metric.unit}", justify="right", no_wrap=True)
+    columns = [Column("method", words=True)]
+    columns += [Column(f"{_short(name)}\n{METRICS[name].unit}") for name in names]
+    rows = []
     if any(name in PAPER for name in names):
         paper = (METRICS[name].text(PAPER[name][0]) if name in PAPER else "–" for name in names)
-        table.add_row("as published", *paper, end_section=True)
+        rows.append(Row(("as published", *paper), ends=True))
     for method in methods:
         cells = (_cell(method.values(name), METRICS[name]) for name in names)
-        table.add_row(method.name, *cells, style="bold" if method.kind == "network" else "")
-    console.print(table)
+        rows.append(Row((method.name, *cells), "bold" if method.kind == "network" else ""))
+    terminal_table.print_table(console, columns, rows, caption)
+
+
+def _short(name: str) -> str:
+    """A metric's short heading without the number of contacts, which the caption says."""
+    return METRICS[name].short.removesuffix(f" {name[-1]}")
 
 
 def _cell(values: np.ndarray, metric: Metric) -> str:

@@ -5,11 +5,13 @@ from __future__ import annotations
 import io
 
 import numpy as np
+import pytest
 from rich.console import Console
 
 from ertskin.evaluation.metrics import Score
-from ertskin.evaluation.results import MethodResult, SeedResult
-from ertskin.evaluation.summary import print_table
+from ertskin.evaluation.results import ANYWHERE, MethodResult, SeedResult
+from ertskin.evaluation.summary import print_table, tables
+from ertskin.report.units import METRICS
 
 
 def method(name: str, rmse_n: list[float], hits: float = 0.99) -> MethodResult:
@@ -42,3 +44,25 @@ def test_the_table_fits_eighty_columns_and_says_mean_and_spread():
     (published,) = (line for line in lines if "as published" in line)
     assert "82.0" in published
     assert "0.51" in published
+
+
+@pytest.mark.parametrize("seeds", [1, 3])
+def test_every_number_is_whole_in_eighty_columns_however_long_the_names(seeds: int) -> None:
+    long = method("contacts (with sheet_inhomogeneity, piezo_hysteresis)", [0.11 * (k + 1) for k in range(seeds)])
+    blank = np.full(4, np.nan)
+    anywhere = {name: Score(name, 0.987, blank) for count in (1, 3) for name in (f"{m}_{count}" for m in ANYWHERE)}
+    novel = {"novel_rate": Score("novel_rate", 0.123, blank)}
+    runs = tuple(SeedResult(run.seed, run.scores | novel | anywhere) for run in long.runs)
+    methods = [MethodResult(long.name, "network", runs)]
+    stream = io.StringIO()
+    print_table(Console(file=stream, width=80), methods)
+    words = stream.getvalue().split()
+    for names, _ in tables(methods):
+        for name in names:
+            values = methods[0].values(name)
+            assert any(word.startswith(METRICS[name].text(values.mean())) for word in words), name
+            assert METRICS[name].short.removesuffix(f" {name[-1]}") in stream.getvalue()
+    assert words.count("98.7" if seeds == 1 else "98.7±0.0") == 6
+    assert "…" not in stream.getvalue()
+    assert "sheet_inhomogeneity," in words
+    assert max(map(len, stream.getvalue().splitlines())) <= 80

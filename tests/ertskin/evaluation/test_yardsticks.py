@@ -7,13 +7,16 @@ from itertools import combinations
 import numpy as np
 import pytest
 from scipy.optimize import least_squares
+from sklearn.isotonic import IsotonicRegression
 from sklearn.kernel_ridge import KernelRidge as SklearnKernelRidge
 from sklearn.linear_model import Ridge as SklearnRidge
 
 from ertskin.evaluation.yardsticks import GaussNewtonImaging, KernelRidge, MaximumLikelihood, Mean, Ridge
 from ertskin.evaluation.yardsticks.cramer_rao import force_bound_n
 from ertskin.evaluation.yardsticks.forward import Response
+from ertskin.evaluation.yardsticks.gauss_newton_imaging import Curve
 from ertskin.evaluation.yardsticks.held_out_regime import force_bands
+from ertskin.evaluation.yardsticks.peaks import highest_near
 from ertskin.physics.protocol import Protocol, electrode_pairs
 from ertskin.physics.sensor import taxel_grid_m
 
@@ -178,3 +181,21 @@ def test_imaging_finds_single_presses():
 def test_imaging_refuses_pixels_too_coarse_for_its_footprint():
     with pytest.raises(ValueError, match="no pixel within the footprint"):
         GaussNewtonImaging(np.ones((4, 4)), taxel_grid_m((0.06, 0.06), 2, 2), TAXEL_M, footprint_m=0.001)
+
+
+@pytest.mark.parametrize("repeated", [False, True])
+def test_an_imaging_curve_is_scikit_learns(repeated: bool):
+    rng = np.random.default_rng(4)
+    image = rng.uniform(-0.2, 1.0, 60).round(1 if repeated else 12)
+    force_n = np.maximum(5.0 * image, 0.0) + rng.uniform(0.0, 2.0, 60)
+    curve = Curve(image, force_n)
+    fit = IsotonicRegression(out_of_bounds="clip").fit(np.append(image, 0.0), np.append(force_n, 0.0))
+    np.testing.assert_allclose(curve(curve.level[1:]), fit.predict(curve.level[1:]), rtol=1e-12)
+
+
+def test_the_highest_near_a_point_is_that_of_its_own_and_its_neighbours():
+    rng = np.random.default_rng(6)
+    values, near = rng.standard_normal((20, 9)), rng.random((9, 9)) < 0.4
+    near[2] = False
+    dense = np.where(near | np.eye(9, dtype=bool), values[:, None, :], -np.inf).max(axis=2)
+    np.testing.assert_array_equal(highest_near(values, near), dense)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from omegaconf import DictConfig, open_dict
 
-from ertskin.data.anywhere import anywhere, skin_at_rest
+from ertskin.data.anywhere import anywhere_skin, skin_at_rest
 from ertskin.data.touches import Touches, touches_of
 from ertskin.errors import UserError
 from ertskin.evaluation.anywhere.yardsticks import AnywhereYardsticks
@@ -29,6 +29,7 @@ CONTINUOUS = ("kernel_ridge", "imaging", "oracle", "bound")
 
 def evaluate_anywhere(
     config: DictConfig,
+    training: Recording,
     recording: Recording,
     groups: dict[str, dict[int, Reconstruction]],
     say: Callable[[str], None],
@@ -55,8 +56,8 @@ def evaluate_anywhere(
             learned.data = learned.anywhere_data
         taxel_m = next(iter(next(iter(groups.values())).values())).network.answers_m
         yardsticks = AnywhereYardsticks(
-            anywhere(learned),
-            lambda: skin_at_rest(learned),
+            anywhere_skin(learned, training),
+            lambda: skin_at_rest(learned, training),
             touches.change_v,
             lambda place_m, force_n, covariance: _outcome(touches, place_m, force_n, taxel_m, covariance),
             range(int(config.yardstick_seeds)),

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import product
 from typing import Self
 
 import numpy as np
 from scipy.sparse.linalg import eigsh
-from scipy.spatial.distance import cdist
+from scipy.spatial.distance import cdist, pdist, squareform
 
-from ertskin.evaluation.yardsticks.held_out_regime import force_bands
+from ertskin.evaluation.yardsticks.held_out_regime import Indices, force_bands
 from ertskin.evaluation.yardsticks.yardstick import Array
 
 WIDTHS = (0.3, 1.0, 3.0, 10.0)
@@ -45,15 +44,19 @@ class KernelRidge:
         """Picks width, power and penalty with the least squared error on held-out force bands, then fits ``rows``."""
         order = np.random.default_rng(self.seed).permutation(len(change_v))
         few = order[: self.tuning_rows]
-        tuned = [
-            min(zip(self._errors(change_v[few], force_map_n[few], *shape), self.penalties, strict=True)) + shape
-            for shape in product(self.widths, self.powers)
-        ]
+        bands = list(force_bands(force_map_n[few]))
+        tuned = []
+        for power in self.powers:
+            features, _ = self._features(change_v[few], power)
+            squares = squareform(pdist(features, "sqeuclidean"))
+            for width in self.widths:
+                errors = self._errors(np.exp(-0.5 * squares / width**2), force_map_n[few], bands)
+                tuned.append((*min(zip(errors, self.penalties, strict=True)), width, power))
         _, self.penalty_, self.width_, self.power_ = min(tuned)
         kept = order[: self.rows]
         self.features_, self.scale_ = self._features(change_v[kept], self.power_)
         self.offset_n_ = force_map_n[kept].mean(axis=0)
-        kernel = self._kernel(self.features_, self.width_)
+        kernel = np.exp(-0.5 * squareform(pdist(self.features_, "sqeuclidean")) / self.width_**2)
         # Entries are positive, so the vector that starts the iteration can't miss the largest one's.
         largest = float(eigsh(kernel, k=1, v0=np.ones(len(kept)), return_eigenvectors=False)[0])
         kernel[np.diag_indices_from(kernel)] += self.penalty_ * largest
@@ -68,20 +71,17 @@ class KernelRidge:
     def _features(self, change_v: Array, power: float) -> tuple[Array, float]:
         """Transformed rows scaled so that their median distance is 1, and the scale."""
         raised = _power(change_v, power)
-        some = raised[: self.tuning_rows]
-        scale = float(np.median(cdist(some, some)[np.triu_indices(len(some), 1)]))
+        scale = float(np.median(pdist(raised[: self.tuning_rows])))
         return raised / scale, scale
 
     def _kernel(self, features: Array, width: float) -> Array:
         """(N,rows) Gaussian kernel against the rows being fitted."""
         return np.exp(-0.5 * cdist(features, self.features_, "sqeuclidean") / width**2)
 
-    def _errors(self, change_v: Array, force_map_n: Array, width: float, power: float) -> list[float]:
-        """Held-out squared error for every penalty, each fold from one eigendecomposition."""
+    def _errors(self, kernel: Array, force_map_n: Array, bands: Sequence[tuple[Indices, Indices]]) -> list[float]:
+        """Squared error on the held-out ``bands`` for every penalty, each from one eigendecomposition."""
         errors = np.zeros(len(self.penalties))
-        self.features_, _ = self._features(change_v, power)
-        kernel = self._kernel(self.features_, width)
-        for train, test in force_bands(force_map_n):
+        for train, test in bands:
             offset_n = force_map_n[train].mean(axis=0)
             eigenvalue, vector = np.linalg.eigh(kernel[np.ix_(train, train)])
             projected = vector.T @ (force_map_n[train] - offset_n)
