@@ -161,6 +161,13 @@ class Skin:
         return reduce(lambda s, e: e.conductivity_s(s, position_m, extent), order, plain)
 
     @cached_property
+    def sheet_factor(self) -> Array:
+        """(E,Q) or (E,Q,3) what the effects on the sheet make of a fabric's conductance at its quadrature points."""
+        elements, points = self.sheet.weight_m2.shape
+        even = self.sheet_conductance_s(np.ones(elements * points), self.sheet.quadrature_m.reshape(-1, 2))
+        return even.reshape(elements, points, *even.shape[1:])
+
+    @cached_property
     def resting_conductance_s(self) -> Array:
         """(E*Q,) or (E*Q,3) conductance in siemens of the untouched sheet at its quadrature points."""
         untouched = self.piezo.sheet_resistance_ohm_sq(np.zeros(self.sheet.weight_m2.size))

@@ -92,7 +92,8 @@ def _medians(flat: Array, missing: NDArray[np.bool_]) -> Array:
 
 def tells_all(basis: Array, gone: NDArray[np.bool_]) -> bool:
     """Whether the readings (R,) that are not ``gone`` tell all coordinates in an orthonormal ``basis`` (R,n)."""
-    rows = basis[gone & basis.any(axis=1)]
+    rows = basis[gone]
+    rows = rows[rows.any(axis=1)]
     if (rows**2).sum() < 1 - LEAST_TOLD:
         return True
     small = rows @ rows.T if len(rows) < rows.shape[1] else rows.T @ rows

@@ -237,7 +237,8 @@ class SheetEffect(Effect):
     order: ClassVar[int] = 0
 
     def conductivity_s(self, conductivity_s: Array, position_m: Array, extent_m: Array) -> Array:
-        """(...,N) or (...,N,3) sheet conductance [xx, xy, yy] from (...,N) or (...,N,3) at points (N,2)."""
+        """(...,N) or (...,N,3) sheet conductance [xx, xy, yy] from (...,N) or (...,N,3) at points (N,2), and in
+        proportion to it."""
         return conductivity_s
 
     def drift(self, time_s: Array) -> Array:

@@ -6,11 +6,15 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import chdtri
 
 from ertskin.physics.protocol import Protocol
 from ertskin.physics.spikes import despiked, robust_std
 
 Array = NDArray[np.float64]
+
+CHANCE = 0.01
+"""Of white noise alone to be taken for a direction that is known to wander."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,11 +44,11 @@ class MeasuredNoise:
         """From rest frames (T,K,M) in volt; fewer than three raise ``ValueError``.
 
         ``slope_v`` (P,m): by what is known to wander, as contacts and sheet. A direction found in few frames is off by
-        the white noise in all the others, so what these explain is measured along them. Of what is left a direction
-        counts as drift when its variance over the frames exceeds what white noise alone would show in the largest of
-        T-1 directions (Marchenko-Pastur edge) by ``margin``; the white part is taken off. ``zero`` (T,T): weights of
-        the others in the zero that each frame counts from, their mean where it isn't given; what they foretell of a
-        frame is no noise of its change.
+        the white noise in all the others, so what these explain, beyond chance, is measured along them. Of what is
+        left a direction counts as drift when its variance over the frames exceeds what white noise alone would show in
+        the largest of T-1 directions (Marchenko-Pastur edge) by ``margin``; the white part is taken off. ``zero``
+        (T,T): weights of the others in the zero that each frame counts from, their mean where it isn't given; what
+        they foretell of a frame is no noise of its change.
         """
         if len(rest_v) < 3:
             raise ValueError(f"measured noise needs at least three rest frames, the recording has {len(rest_v)}")
@@ -57,9 +61,10 @@ class MeasuredNoise:
         if zero is None:
             zero = (1.0 - np.eye(len(rest_v))) / (len(rest_v) - 1)
         # What a frame differs by from the mean of the others is larger than its own noise by that of the mean.
-        centred = (coordinates - zero @ coordinates) / np.sqrt(1.0 + (zero**2).sum(axis=1, keepdims=True))
+        own = (np.eye(len(zero)) - zero) / np.sqrt(1.0 + (zero**2).sum(axis=1, keepdims=True))
+        centred = own @ coordinates
         slope_v = np.zeros((coordinates.shape[1], 0)) if slope_v is None else slope_v
-        known, left = _along(centred, slope_v, std_v, margin)
+        known, left = _along(centred, slope_v, std_v, _freedom(own))
         drift = np.concatenate([known, _drift(left, std_v, margin)])
         return cls(protocol, std_v, drift, rate, leftover[flagged])
 
@@ -94,20 +99,31 @@ def _white_std(protocol: Protocol, leftover: Array, change: Array) -> float:
     return float(robust_std(leftover)) * float(np.sqrt(protocol.count / spare))
 
 
-def _along(centred: Array, slope_v: Array, std_v: float, margin: float) -> tuple[Array, Array]:
+def _freedom(own: Array) -> float:
+    """Degrees of freedom of a mean square over frames that are (T,T) combinations ``own`` of independent ones
+    (Satterthwaite); T-1 where each counts from the mean of all others."""
+    covariance = own @ own.T
+    return float(np.trace(covariance) ** 2 / np.square(covariance).sum())
+
+
+def _along(centred: Array, slope_v: Array, std_v: float, freedom: float) -> tuple[Array, Array]:
     """(m,P) slopes times the standard deviations of what each is of, and what (T,P) they leave of the frames; slopes
-    along which white noise alone would nearly show as much are left out."""
-    slope_v = slope_v[:, np.square(_changes(centred, slope_v, std_v)).mean(axis=0) > margin]
-    told = np.linalg.pinv(slope_v)
-    size = std_v * np.linalg.norm(told, axis=1)
-    variance = np.maximum(np.square(_changes(centred, slope_v, std_v)).mean(axis=0) - 1.0, 0.0)
-    return (np.sqrt(variance) * size)[:, None] * slope_v.T, centred - centred @ told.T @ slope_v.T
+    along which white noise alone shows as much more often than by ``CHANCE`` are left out."""
+    by_chance = chdtri(freedom, CHANCE) / freedom
+    variance, _, _ = _variance(centred, slope_v, std_v)
+    slope_v = slope_v[:, variance > by_chance]
+    variance, error, told = _variance(centred, slope_v, std_v)
+    size = error * np.sqrt(np.maximum(variance - 1.0, 0.0))
+    return size[:, None] * slope_v.T, centred - told @ slope_v.T
 
 
-def _changes(centred: Array, slope_v: Array, std_v: float) -> Array:
-    """(T,m) of what the slopes are of, each in units of what white noise makes it err by."""
-    told = np.linalg.pinv(slope_v)
-    return np.asarray(centred @ told.T / np.maximum(std_v * np.linalg.norm(told, axis=1), np.finfo(float).tiny))
+def _variance(centred: Array, slope_v: Array, std_v: float) -> tuple[Array, Array, Array]:
+    """(m,) variance of what the slopes are of, in units of what white noise makes it err by, (m,) that error and (T,m)
+    what the frames tell of it."""
+    inverse = np.linalg.pinv(slope_v)
+    error = np.maximum(std_v * np.linalg.norm(inverse, axis=1), np.finfo(float).tiny)
+    told = centred @ inverse.T
+    return np.square(told / error).mean(axis=0), error, told
 
 
 def _drift(centred: Array, std_v: float, margin: float) -> Array:

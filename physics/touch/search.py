@@ -142,7 +142,7 @@ def searched(reading, proposed, model, scan, touch, covariance, logs):  # type: 
         if count > 0:
             poor = answer[1] > SATISFIED * width or not possible(answer[0], model)
             if count > 1 and poor and square >= SATISFIED:
-                answer = _exchanged(reading, *answer, model, scan)  # type: ignore[call-arg]
+                answer = _exchanged(reading, answer, model, scan)
             if not possible(answer[0], model):
                 break
             best = logs.max()
@@ -158,7 +158,7 @@ def searched(reading, proposed, model, scan, touch, covariance, logs):  # type: 
     return square if np.isfinite(touch[0, 0]) else _lightest(reading, model, scan, square)
 
 
-@njit(cache=True, nogil=True)
+@njit(inline="always")
 def _begun(reading, proposed, model):  # type: ignore[no-untyped-def]
     """The proposed contacts fitted together, the weakest left out for as long as they can't all be."""
     offered = 0
@@ -176,7 +176,7 @@ def _begun(reading, proposed, model):  # type: ignore[no-untyped-def]
     return now, reading @ reading, np.zeros((0, 0)), 0.0
 
 
-@njit(cache=True, nogil=True)
+@njit(inline="always")
 def _kept(answer, width, touch, covariance):  # type: ignore[no-untyped-def]
     """Fill the contacts (C,3) and covariances (C,3,3) of the best answer so far; its mean misfit."""
     count = len(answer[0])
@@ -188,7 +188,7 @@ def _kept(answer, width, touch, covariance):  # type: ignore[no-untyped-def]
     return answer[1] / width
 
 
-@njit(cache=True, nogil=True)
+@njit(inline="always")
 def _fewer(reading, model, square, touch, covariance, logs):  # type: ignore[no-untyped-def]
     """Weigh one contact less than the best, the one least sure left out, until that is out of question; the mean misfit
     of what is best then."""
@@ -214,7 +214,7 @@ def _fewer(reading, model, square, touch, covariance, logs):  # type: ignore[no-
         square = _kept(answer, len(reading), touch, covariance)
 
 
-@njit(cache=True, nogil=True)
+@njit(inline="always")
 def _lightest(reading, model, scan, square):  # type: ignore[no-untyped-def]
     """Mean misfit of a reading without contacts, or with one that is lighter than they can be."""
     if square < SATISFIED:
@@ -227,7 +227,7 @@ def _lightest(reading, model, scan, square):  # type: ignore[no-untyped-def]
     return min(square, descended(reading, place, spline, cells, spread, remainder, lighter, high)[1] / len(reading))
 
 
-@njit(cache=True, nogil=True)
+@njit(inline="always")
 def _extended(reading, now, model, scan, starts):  # type: ignore[no-untyped-def]
     """``refined`` of the contacts ``now`` with the one more that fits best, of so many ``starts``."""
     tried = next_contacts(reading, now, model, scan, starts)
@@ -241,13 +241,13 @@ def _extended(reading, now, model, scan, starts):  # type: ignore[no-untyped-def
     return best
 
 
-@njit(cache=True, nogil=True)
-def _exchanged(reading, found, misfit, curvature, logarithm, model, scan):  # type: ignore[no-untyped-def]
+@njit(inline="always")
+def _exchanged(reading, answer, model, scan):  # type: ignore[no-untyped-def]
     """Each contact in turn taken away and looked for anew, for as long as that fits better."""
-    best = found, misfit, curvature, logarithm
+    best = answer
     for _ in range(scan[3]):
         better = False
-        for c in range(len(found)):
+        for c in range(len(answer[0])):
             others = np.concatenate((best[0][:c], best[0][c + 1 :]))
             alone = refined(reading, others, *model)[0]
             other = _extended(reading, alone, model, scan, 2 * STARTS)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import hydra
@@ -45,9 +45,41 @@ APART_M = 0.012
 """Contacts are drawn at least this far from one another: two indenters of 10 mm don't overlap."""
 
 
+@dataclass(frozen=True, eq=False)
+class AnywhereSkin:
+    """A skin touched anywhere, and N trials on it of which each is simulated when it is wanted.
+
+    ``whole``: its response in all coordinates; ``model``: in those that are read. ``contact_m`` (N,C,2), ``force_n``
+    (N,C): the trials' contacts, NaN for none. ``taxel_m`` (n,2).
+    """
+
+    protocol: Protocol
+    noise: Noise
+    whole: TouchModel
+    model: TouchModel
+    taxel_m: Array
+    contact_m: Array
+    force_n: Array
+    seed: int
+    checksum: str
+
+    def trials(self, wanted: NDArray[np.intp]) -> TrialSet:
+        """The trials numbered ``wanted`` (M,), the same whichever others are."""
+        change_ohm = simulated_ohm(self.whole, self.protocol, self.contact_m, self.force_n, self.seed, wanted)
+        contact_m, force_n = self.contact_m[wanted], self.force_n[wanted]
+        maps_n = force_map_n(contact_m, force_n, self.taxel_m)
+        return TrialSet(change_ohm, maps_n, contact_m, force_n, touch=self.model)
+
+
 def anywhere(config: DictConfig) -> Material:
     """Calibrate, tabulate the response unless that is done, correct it by the recording's presses, and draw trials."""
-    recording = read_recording(config.recording)
+    skin = anywhere_skin(config, read_recording(config.recording))
+    trials = skin.trials(np.arange(len(skin.force_n)))
+    return Material(skin.protocol, skin.taxel_m, trials, skin.noise, skin.checksum)
+
+
+def anywhere_skin(config: DictConfig, recording: Recording) -> AnywhereSkin:
+    """``anywhere`` from a recording already read, without simulating any trial yet."""
     plan = checked(AnywherePlan, config.data.plan, "data.plan")
     touches = None if recording.frames is None else touches_of(recording)
     forward, table, checksum = _tabulated(config, recording, plan, touches)
@@ -58,16 +90,13 @@ def anywhere(config: DictConfig) -> Material:
     noise = hydra.utils.instantiate(config.noise)(evidence)
     whole = touch_model(forward.protocol, table, noise, touches, config.data.discrepancy)
     taxel_m = grid_m(config.grid, forward.calibration.known_sensor)
-    contact_m, force_n = drawn(table, plan)
-    change_ohm = simulated_ohm(whole, forward.protocol, contact_m, force_n, plan.seed)
-    maps_n = force_map_n(contact_m, force_n, taxel_m)
     model = whole.strongest(int(config.data.components))
     if touches is not None and len(whole.unseen_v):
         known = pressed(touches).history
         model = model.widened(known.contact_m[:, 0], known.force_n[:, 0], FELT_N)
-    trials = TrialSet(change_ohm, maps_n, contact_m, force_n, touch=model)
     words = repr((checksum, asdict(plan), config.data.components)).encode() + whole.table.response.tobytes()
-    return Material(forward.protocol, taxel_m, trials, noise, hashlib.sha256(words).hexdigest())
+    key = hashlib.sha256(words).hexdigest()
+    return AnywhereSkin(forward.protocol, noise, whole, model, taxel_m, *drawn(table, plan), plan.seed, key)
 
 
 def _tabulated(
@@ -123,22 +152,28 @@ def _sampled(table: ResponseTable) -> Array:
     return table.response.reshape(-1, coordinates)[:: 7 if forces % 7 else 5].astype(float)
 
 
-def simulated_ohm(model: TouchModel, protocol: Protocol, contact_m: Array, force_n: Array, seed: int) -> Array:
-    """(N,P) changes of the pair resistances, each contact's response as wrong as it may be."""
+def simulated_ohm(
+    model: TouchModel, protocol: Protocol, contact_m: Array, force_n: Array, seed: int, wanted: NDArray[np.intp]
+) -> Array:
+    """(M,P) changes of the pair resistances in the trials ``wanted`` (M,), each contact's response as wrong as it may
+    be: drawn for all trials, so that one is the same whichever others are wanted."""
     rng = np.random.default_rng(np.random.SeedSequence([seed, 6]))
+    there = np.isfinite(force_n)
+    draw = np.zeros((*force_n.shape, 3))
+    draw[there] = rng.standard_normal((int(there.sum()), 3)) * model.error.shape_spread
+    contact_m, force_n, draw = contact_m[wanted], force_n[wanted], draw[wanted]
     change = model.table.change(contact_m, force_n)
-    rows, slots = np.nonzero(np.isfinite(force_n))
+    rows, slots = np.nonzero(there[wanted])
     for some in np.array_split(np.arange(len(rows)), max(1, len(rows) // 2000)):
         row, slot = rows[some], slots[some]
         wrong = modes(model.table, contact_m[row, slot], force_n[row, slot])[:, 3:]
-        draw = rng.standard_normal((len(some), 3)) * model.error.shape_spread
-        np.add.at(change, row, np.einsum("nm,nmd->nd", draw, wrong))
+        np.add.at(change, row, np.einsum("nm,nmd->nd", draw[row, slot], wrong))
     return protocol.unwhitened(np.asarray(np.linalg.solve(model.matrix.T, change.T).T))
 
 
-def skin_at_rest(config: DictConfig) -> Solution:
+def skin_at_rest(config: DictConfig, recording: Recording) -> Solution:
     """The calibrated sheet, untouched, as ``config`` has it."""
-    calibration, _ = ready_calibration(config, recording := read_recording(config.recording))
+    calibration, _ = ready_calibration(config, recording)
     if recording.protocol is None:
         raise UserError(f"{config.recording}: has no /protocol, so its readings can't be simulated")
     return PressForward(skin_of(calibration, recording.protocol, {}, config.physics.resolution)).rest

@@ -107,8 +107,8 @@ class PressForward:
         pressed = pressure_pa.ravel()
         course = np.stack([np.zeros_like(pressed), pressed, pressed])
         fabric = self.skin.fabric_ohm_sq(course, position, np.array([0.0, 1e-3, self.dwell_s]), np.array([2]))
-        conductance = self.skin.sheet_conductance_s(fabric[0], position)
-        return conductance.reshape(*pressure_pa.shape, *conductance.shape[1:])
+        factor = self.skin.sheet_factor[elements]
+        return np.asarray(factor / fabric[0].reshape(*pressure_pa.shape, *(1,) * (factor.ndim - 2)))
 
     @cached_property
     def _contacts_respond(self) -> bool:

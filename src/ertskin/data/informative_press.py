@@ -18,11 +18,11 @@ from numpy.typing import NDArray
 from ertskin.data.local_discrepancy import (
     EXPECTED,
     MODES,
+    Apart,
     Process,
     coefficients,
     evidences,
     modes,
-    process_covariance,
     slopes,
 )
 from ertskin.physics.touch.posterior import SHAPE_M
@@ -113,7 +113,7 @@ class PressDesign:
         """(1+C,J) variances of one number under one of its processes."""
 
         def between(a_m: Array, a_n: Array, b_m: Array, b_n: Array) -> Array:
-            return process_covariance(a_m, a_n, b_m, b_n, process.length_m, process.variance)
+            return Apart.of(a_m, a_n, b_m, b_n).covariance(process.length_m, process.variance)
 
         new_m, new_n = np.repeat(place_m, force_n.shape[1], axis=0), force_n.ravel()
         own = self.contact_m, self.force_n

@@ -40,13 +40,18 @@ def simulated(config: DictConfig) -> Material:
     The real one-point presses teach the denoiser; for a model without one they correct the trials instead, where
     ``data.discrepancy`` asks for it.
     """
-    recording = read_recording(config.recording)
+    return material_and_forward(config, read_recording(config.recording))[0]
+
+
+def material_and_forward(config: DictConfig, recording: Recording) -> tuple[Material, SkinForward]:
+    """``simulated`` from a recording already read, and the forward model its trials come from."""
     made = simulated_trials(config, recording)
     forward, checksum = made.forward, made.checksum
     build_noise = hydra.utils.instantiate(config.noise)
     taxel_m, protocol = grid_m(config.grid, forward.calibration.known_sensor), forward.protocol
     if recording.frames is None:
-        return Material(protocol, taxel_m, made.network, build_noise(Evidence(protocol)), checksum, made.denoiser)
+        noise = build_noise(Evidence(protocol))
+        return Material(protocol, taxel_m, made.network, noise, checksum, made.denoiser), forward
     touches = touches_of(recording)
     real = rising(touches)
     changes_ohm = forward.change_ohm(real.history.contact_m, real.history.force_n)
@@ -57,8 +62,8 @@ def simulated(config: DictConfig) -> Material:
     pairs = denoiser_pairs(touches_of(recording, rests=True), forward, len(taxel_m))
     material = Material(protocol, taxel_m, made.network, noise, checksum, joined([pairs, made.denoiser]))
     if config.data.discrepancy and config.model.denoiser is None and len(real):
-        return _corrected(material, real, changes_ohm)
-    return material
+        return _corrected(material, real, changes_ohm), forward
+    return material, forward
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,8 +89,9 @@ def simulated_trials(config: DictConfig, recording: Recording) -> SimulatedTrial
     # Presses that land beside their taxels are all at places of their own: nothing to put them together from.
     places_m = taxel_m if plan.jitter_m == 0 else None
     effects = plain(config.effects)
+    asked = plan.trials + plan.denoiser_trials
     forward = SkinForward(
-        calibration, recording.protocol, effects, config.physics.resolution, places_m, plan.max_force_n
+        calibration, recording.protocol, effects, config.physics.resolution, places_m, plan.max_force_n, asked
     )
     request = {"calibration": checksum, "effects": forward.effects, "resolution": forward.resolution}
     key = request_key({**request, "plan": asdict(plan), "taxel_m": taxel_m.tolist()})

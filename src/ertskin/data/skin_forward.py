@@ -24,8 +24,8 @@ Array = NDArray[np.float64]
 class SkinForward:
     """Presses on a calibrated skin with ``effects`` ({name: {parameter: value}}), built when first asked.
 
-    With ``places_m`` (C,2) presses there, up to ``max_force_n``, are put together from single ones (``TrialForward``);
-    all others are solved (``PressForward``).
+    With ``places_m`` (C,2) presses there, up to ``max_force_n``, are put together from single ones (``TrialForward``),
+    of which so many ``trials`` will be asked; all others are solved (``PressForward``).
     """
 
     def __init__(
@@ -36,9 +36,10 @@ class SkinForward:
         resolution: str,
         places_m: Array | None = None,
         max_force_n: float = 0.0,
+        trials: int = 0,
     ) -> None:
         self.calibration, self.protocol, self.effects, self.resolution = calibration, protocol, effects, resolution
-        self.places_m, self.max_force_n = places_m, max_force_n
+        self.places_m, self.max_force_n, self.trials = places_m, max_force_n, trials
 
     def change_ohm(self, contact_m: Array, force_n: Array) -> Array:
         """(N,P) change of the pair resistances under contacts (N,C,2) with forces (N,C), NaN for an absent one."""
@@ -46,7 +47,10 @@ class SkinForward:
 
     def prepare(self) -> None:
         """Build it here and now, on all cores."""
-        self.built = self._built(given_cores())
+        cores = given_cores()
+        self.built = self._built(cores)
+        if isinstance(self.built, TrialForward):
+            self.built.solver.tabulate(cores)
 
     @cached_property
     def built(self) -> PressForward | TrialForward:
@@ -56,7 +60,9 @@ class SkinForward:
     def _built(self, workers: int) -> PressForward | TrialForward:
         if self.places_m is None:
             return self._pressed(self.resolution)
-        return TrialForward(self._pressed, self.resolution, self.places_m, self.max_force_n, workers=workers)
+        return TrialForward(
+            self._pressed, self.resolution, self.places_m, self.max_force_n, self.trials, workers=workers
+        )
 
     def _pressed(self, resolution: str | Resolution) -> PressForward:
         return PressForward(skin_of(self.calibration, self.protocol, self.effects, resolution))

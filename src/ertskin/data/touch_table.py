@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +16,7 @@ from ertskin.data.forward import PressForward
 from ertskin.data.shards import ShardStore, fill, request_key
 from ertskin.data.skin_forward import SkinForward
 from ertskin.data.synthesis import Shard
+from ertskin.files import write_whole
 from ertskin.physics.skin import Skin
 from ertskin.physics.touch.interplay import Interplay
 from ertskin.physics.touch.table import ResponseTable, TouchGrid
@@ -21,6 +24,8 @@ from ertskin.physics.trials import Trials
 
 Array = NDArray[np.float64]
 
+SPLINES = ("knots_x", "knots_y", "knots_n", "response", "cell_s")
+"""What of a ``ResponseTable`` takes long to make."""
 CELL_SAMPLES = 3
 """Points, squared, over which a cell's conductance is averaged."""
 CELL_REACH = 3.2
@@ -72,8 +77,33 @@ def touch_table(
     pressed = forward.built
     assert isinstance(pressed, PressForward)
     interplay = Interplay.of(pressed.rest, plan.cell_m)
-    cells = cell_changes_s(pressed.skin, interplay, grid, plan.cell_m)
-    return ResponseTable.through(grid, store.read()["change_ohm"], cells, interplay), store.checksum
+    # Another version wherever ``cell_changes_s`` or ``ResponseTable.through`` gives other numbers.
+    sampling = {"version": 1, "solved": store.checksum, "cell_m": plan.cell_m}
+    sampling |= {"samples": CELL_SAMPLES, "reach": CELL_REACH}
+    path = store.folder / f"splines-{request_key(sampling)}.npz"
+    if (table := kept_splines(path, grid, interplay)) is None:
+        cells = cell_changes_s(pressed.skin, interplay, grid, plan.cell_m)
+        table = ResponseTable.through(grid, store.read()["change_ohm"], cells, interplay)
+        keep_splines(path, table)
+    return table, store.checksum
+
+
+def kept_splines(path: Path, grid: TouchGrid, interplay: Interplay) -> ResponseTable | None:
+    """The splines through the table as they were made before; None where there are none, or damaged ones."""
+    try:
+        with np.load(path, allow_pickle=False) as found:
+            kept = {name: found[name] for name in SPLINES}
+    except (OSError, EOFError, KeyError, ValueError, BadZipFile):
+        return None
+    read = np.eye(kept["response"].shape[3])
+    return ResponseTable(grid=grid, interplay=interplay, read=read, **kept)
+
+
+def keep_splines(path: Path, table: ResponseTable) -> None:
+    """Write them for ``kept_splines``."""
+    stream = io.BytesIO()
+    np.savez(stream, **{name: getattr(table, name) for name in SPLINES})
+    write_whole(path, stream.getvalue())
 
 
 def cell_changes_s(skin: Skin, interplay: Interplay, grid: TouchGrid, cell_m: float) -> Array:

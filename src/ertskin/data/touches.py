@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -142,12 +143,22 @@ def _course(skin: RestingSkin, rest_v: Array, rest_s: Array) -> Followed:
     return Followed(float(np.abs(changes[:, -1]).max()), float(contact), strange, len(rest_v))
 
 
+_WHOLE: WeakKeyDictionary[Recording, tuple[Protocol, History, Array, Array]] = WeakKeyDictionary()
+
+
 def _whole_frames(recording: Recording) -> tuple[Protocol, History, Array, Array]:
-    """Protocol, and of the frames that can be told whole history, readings (T,K,M) and whitened coordinates (T,n)."""
+    """Protocol, and of the frames that can be told whole history, readings (T,K,M) and whitened coordinates (T,n).
+
+    Kept as long as the recording is: looking for spikes takes longest, and every network asks for the same frames.
+    """
+    if (kept := _WHOLE.get(recording)) is not None:
+        return kept
     if recording.frames is None or recording.protocol is None:
         raise UserError("the recording has no frames with a protocol: nothing to learn touches from")
     protocol, voltage = recording.protocol, np.asarray(recording.frames.voltage_v, dtype=float)
     coordinates, _ = despiked(protocol, voltage)
     voltage = completed(protocol, voltage)
     whole = np.asarray(np.isfinite(voltage).all(axis=(1, 2)))
-    return protocol, recording.frames.history[whole], voltage[whole], coordinates[whole]
+    found = protocol, recording.frames.history[whole], voltage[whole], coordinates[whole]
+    _WHOLE[recording] = found
+    return found

@@ -14,6 +14,9 @@ from ertskin.physics.conduction.trials import APART_M, FAR, Level, TrialSolver
 
 Array = NDArray[np.float64]
 
+MANY = 20
+"""Trials for each pair of places from which on a table, which solves nine, is worth its while."""
+
 
 class PressedSkin:
     """A ``PressForward`` as ``TrialSolver`` asks it."""
@@ -39,8 +42,9 @@ class TrialForward:
     """Presses at ``places_m`` (C,2) with forces up to ``max_force_n``, each after a rest; other presses are solved.
 
     What a contact does alone is solved at ``resolution`` for some forces and interpolated; what contacts do together
-    comes from coarser meshes (``physics/conduction/trials.py``). ``build`` makes the skin at a resolution. ``workers``:
-    threads that solve, with the same result for any number.
+    comes from coarser meshes (``physics/conduction/trials.py``). ``build`` makes the skin at a resolution. ``trials``:
+    how many will be asked; if these are many, pairs far from one another are tabulated first. ``workers``: threads
+    that solve, with the same result for any number.
     """
 
     def __init__(
@@ -49,13 +53,15 @@ class TrialForward:
         resolution: str | Resolution,
         places_m: Array,
         max_force_n: float,
+        trials: int = 0,
         near: str | Resolution = "fast",
         workers: int = 1,
     ) -> None:
         self.direct = build(resolution)
         fine = PressedSkin(self.direct)
         coarse = fine if resolution == near else PressedSkin(build(near))
-        levels = [Level(0.0, coarse), Level(APART_M, PressedSkin(build(FAR)))]
+        pairs = len(places_m) * (len(places_m) - 1) // 2
+        levels = [Level(0.0, coarse), Level(APART_M, PressedSkin(build(FAR)), trials > MANY * pairs)]
         self.solver = TrialSolver(fine, levels, places_m, max_force_n, workers=workers)
 
     def change_ohm(self, contact_m: Array, force_n: Array) -> Array:

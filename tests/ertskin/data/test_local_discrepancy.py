@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ertskin.data.local_discrepancy import FEWEST, LocalDiscrepancy, modes, slopes
+from ertskin.data.local_discrepancy import ENOUGH, FEWEST, LocalDiscrepancy, modes, slopes
 from ertskin.errors import UserError
 from ertskin.models.contacts import ContactsNetwork
 
@@ -90,6 +90,17 @@ def test_few_places_tell_no_error():
     _, error = LocalDiscrepancy.fit(table, place, force, numbered(force), real(place, force))
     assert error.error[2] == pytest.approx(0.1)
     assert error.shape_spread == pytest.approx(np.full(3, 0.1))
+
+
+def test_few_places_tell_no_scatter():
+    table, (place, force) = toy_table(), presses(2, 4)
+    press, rng = numbered(force), np.random.default_rng(1)
+    strength = np.exp(rng.normal(0.0, 0.3, press.max() + 1))[press]
+    seen = response(place, force * strength) + rng.standard_normal((len(force), 42))
+    found, _ = LocalDiscrepancy.fit(table, place, force, press, seen)
+    assert len(np.unique(place, axis=0)) < ENOUGH
+    assert not found.scatter.any()
+    assert np.abs(found.correct(table).alone(place, force) - seen).std() < 0.2 * np.abs(seen).std()
 
 
 def test_what_differs_from_press_to_press_is_carried_nowhere():

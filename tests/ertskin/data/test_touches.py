@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from ertskin.data import touches as module
 from ertskin.data.baseline import rest_weights
 from ertskin.data.touches import touches_of
 from ertskin.errors import UserError
@@ -83,3 +84,13 @@ def test_readings_lost_or_never_taken_change_no_touch():
     assert not touches.readings_v.reshape(-1, *PROTOCOL.shape)[:, ~measured].any()
     expected = np.outer(touches.history.force_n[:, 0], np.linspace(-50, 50, PAIRS))
     assert np.sqrt(np.mean((touches.change_v - protocol.whitened(expected)) ** 2)) < 2e-5
+
+
+def test_spikes_are_looked_for_once_in_each_recording(monkeypatch):
+    looked, despiked = [], module.despiked
+    monkeypatch.setattr(module, "despiked", lambda *given: looked.append(1) or despiked(*given))
+    one, other = recording(), recording(seed=1)
+    first, again, different = (touches_of(which).change_v for which in (one, one, other))
+    np.testing.assert_array_equal(first, again)
+    assert not np.array_equal(first, different)
+    assert len(looked) == 2

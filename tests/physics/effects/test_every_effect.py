@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 import pytest
+from small_skin import small_sensor
 
-from ertskin.physics.effects.effect import Stage
+from ertskin.physics.effects.effect import SheetEffect, Stage
 from ertskin.physics.effects.registry import build_effects, effect_classes, effects_config
+from ertskin.physics.protocol import Protocol, electrode_pairs
 
 NAMES = {
     "nonlinear_foam": "mechanics",
@@ -72,3 +75,16 @@ def test_unknown_name_and_parameter_are_refused_in_a_line() -> None:
         build_effects({"nothing": {}})
     with pytest.raises(ValueError, match="piezo_creep"):
         build_effects({"piezo_creep": {"wrong": 1.0}})
+
+
+@pytest.mark.parametrize(
+    "kind", [k for k in effect_classes().values() if issubclass(k, SheetEffect)], ids=lambda k: k.name
+)
+def test_effects_on_the_sheet_are_in_proportion_to_its_conductance(kind: type[SheetEffect]) -> None:
+    extent_m, scan = np.array([[0.0, 0.0], [0.1, 0.08]]), Protocol.against_sink(electrode_pairs(6), 6, 1e-4)
+    place_m = np.random.default_rng(0).uniform(0.0, 0.08, (7, 2))
+    for start in kind.reading_starts(small_sensor(), scan)[:3]:
+        known = kind.parameters()
+        effect = start.effect.changed({key: known[key].typical for key in start.along})
+        once, twice = (effect.conductivity_s(np.full(7, size), place_m, extent_m) for size in (1e-4, 2e-4))
+        np.testing.assert_allclose(twice, 2.0 * once, rtol=1e-12)

@@ -5,6 +5,7 @@ import pytest
 
 from ertskin.data.baseline import others_weights
 from ertskin.physics.noise import GaussianNoise, MeasuredNoise, NoNoise, WhiteNoise
+from ertskin.physics.noise.measured import CHANCE
 from ertskin.physics.protocol import Protocol, electrode_pairs
 from ertskin.physics.spikes import despiked
 
@@ -82,20 +83,25 @@ def test_what_is_known_to_wander_is_measured_along_it():
     assert square(MeasuredNoise.from_rest(PROTOCOL, frames)) > 1.5
 
 
-def test_what_does_not_wander_is_given_no_noise_by_chance():
+@pytest.mark.parametrize("neighbours", [False, True])
+def test_what_does_not_wander_is_given_no_noise_by_chance(neighbours):
     rng = np.random.default_rng(4)
     slope = rng.standard_normal((PAIRS, 9))
     truth = MeasuredNoise(PROTOCOL, 2e-3, np.zeros((0, PAIRS)), 0.0, np.zeros(1))
     rest = PROTOCOL.readings(np.full(PAIRS, 1e4)).ravel()
-    found = [
+    zero = 0.5 * (np.eye(12, k=1) + np.eye(12, k=-1)) if neighbours else None
+    if zero is not None:
+        zero[[0, -1]] *= 2.0
+    found = sum(
         len(
             MeasuredNoise.from_rest(
-                PROTOCOL, (rest + truth.readings(rng, 7)).reshape(7, *PROTOCOL.shape), slope
+                PROTOCOL, (rest + truth.readings(rng, 12)).reshape(12, *PROTOCOL.shape), slope, zero
             ).drift_v
         )
-        for _ in range(20)
-    ]
-    assert np.mean(found) < 1.5
+        for _ in range(40)
+    )
+    # Of a Poisson number as expected more than nine come once in two hundred times.
+    assert found <= 40 * 9 * CHANCE + 5.4
 
 
 def test_what_the_frames_before_and_after_foretell_is_no_noise():
