@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from ertskin.calibration.result import Calibration
     from ertskin.calibration.store import load_calibration, save_calibration
     from ertskin.diagnosis.contract.claims import Diagnosis
+    from ertskin.diagnosis.criteria import Criteria
     from ertskin.errors import UserError
     from ertskin.hardware.description import DescriptionError, protocol_of, sensor_of
     from ertskin.hardware.measurement import Coupon, Frames, Recording, RecordingError, RigidBlock, Specimen
@@ -38,6 +39,7 @@ if TYPE_CHECKING:
 _HOME = {
     "Calibration": "ertskin.calibration.result",
     "Coupon": "ertskin.hardware.measurement",
+    "Criteria": "ertskin.diagnosis.criteria",
     "DescriptionError": "ertskin.hardware.description",
     "Diagnosis": "ertskin.diagnosis.contract.claims",
     "Estimate": "ertskin.models.estimate",
@@ -69,6 +71,7 @@ _HOME = {
 __all__ = [
     "Calibration",
     "Coupon",
+    "Criteria",
     "DescriptionError",
     "Diagnosis",
     "Estimate",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import field, fields
+from dataclasses import Field, field, fields
 from typing import Any, TypeVar, get_args, get_type_hints
 
 from ertskin.errors import UserError
@@ -13,9 +13,17 @@ Settings = TypeVar("Settings")
 KINDS = {int: "a whole number", float: "a number", bool: "true or false", str: "text"}
 
 
-def limited(default: Any, **limits: Any) -> Any:
-    """A dataclass's field that is ``above``, at ``least`` or at ``most`` some number, or ``one_of`` several words."""
-    return field(default=default, metadata=limits)
+def limited(default: Any, about: object = None, **limits: Any) -> Any:
+    """A dataclass's field that is ``above``, at ``least`` or at ``most`` some number, or ``one_of`` several words.
+
+    ``about``: what documentation says of it, kept with the field.
+    """
+    return field(default=default, metadata={"limits": limits, "about": about})
+
+
+def limits_of(setting: Field[Any]) -> Mapping[str, Any]:
+    """The limits of a dataclass's field, none where it wasn't made by ``limited``."""
+    return setting.metadata.get("limits", {})
 
 
 def checked(kind: type[Settings], section: Any, name: str) -> Settings:
@@ -31,7 +39,7 @@ def checked(kind: type[Settings], section: Any, name: str) -> Settings:
         known = ", ".join(each.name for each in fields(kind))  # type: ignore[arg-type]
         raise UserError(f"no setting '{name}.{error.full_key}': choose from {known}") from None
     for each in fields(kind):  # type: ignore[arg-type]
-        check_limits(getattr(values, each.name), each.metadata, f"{name}.{each.name}")
+        check_limits(getattr(values, each.name), limits_of(each), f"{name}.{each.name}")
     return values  # type: ignore[return-value]
 
 

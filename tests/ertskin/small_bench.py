@@ -34,6 +34,7 @@ def small_bench_sensor() -> Sensor:
         taxel_m=taxel_grid_m((SIDE_M, SIDE_M), 3, 3),
         layers=layers.layers,
         piezo_interface=layers.piezo_interface,
+        sheet_resistance_ohm_sq=layers.sheet_resistance_ohm_sq,
         indenter_diameter_m=layers.indenter_diameter_m,
         indenter_points_m=layers.indenter_points_m,
         pad_margin_m=layers.pad_margin_m,

@@ -6,6 +6,7 @@ import numpy as np
 
 from ertskin.physics.conduction.mesh import Grading
 from ertskin.physics.conduction.sheet import Resolution
+from ertskin.physics.history import History, Phase
 from ertskin.physics.piezo.polynomial import PiezoPolynomial
 from ertskin.physics.sensor import Layer, Sensor, rectangle_m
 
@@ -32,3 +33,14 @@ def small_law() -> PiezoPolynomial:
     """From 18 kohm per square at rest to 4 under pressure."""
     stress = np.linspace(0, 6e4, 40)
     return PiezoPolynomial.fit(stress, 4e3 + 1.4e4 * np.exp(-stress / 1e4))
+
+
+def two_presses() -> History:
+    """Two presses to 2 mm and back, frames at rest about them."""
+    depth_m = np.array([np.nan, 1e-3, 2e-3, 1e-3] * 2 + [np.nan])
+    phase = [Phase.REST, Phase.LOADING, Phase.LOADING, Phase.UNLOADING] * 2 + [Phase.REST]
+    press = np.repeat([0, 1, 2], [4, 4, 1])
+    place = np.array([[0.012, 0.01], [0.03, 0.04], [np.nan, np.nan]])[press]
+    contact_m = np.where(np.isfinite(depth_m)[:, None], place, np.nan)[:, None]
+    nowhere = np.full((len(press), 1), np.nan)
+    return History(5.0 * np.arange(9), press, np.array(phase, dtype=np.uint8), contact_m, depth_m[:, None], nowhere)

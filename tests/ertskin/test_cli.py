@@ -135,8 +135,8 @@ def test_help_is_there_at_once():
     assert command_s("--help") < 0.2
 
 
-def test_doctor_answers_within_a_second(shared_data):
-    # An idle machine's second is half as long again where every core has a neighbour.
+def test_doctor_answers_at_once(shared_data):
+    # A second on an idle machine, half as long again where every core has a neighbour.
     assert command_s("doctor", f"recording={shared_data / 'recordings' / 'rig_a_train.h5'}") < 1.5
 
 

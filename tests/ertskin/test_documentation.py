@@ -12,6 +12,7 @@ import pytest
 
 import ertskin
 from ertskin.commands import verbs
+from ertskin.diagnosis.criteria import described
 from ertskin.physics.effects.registry import effect_classes
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -97,6 +98,8 @@ def test_the_tables_are_those_of_the_code(site: Path) -> None:
     effects = (site / "reference" / "effects.html").read_text(encoding="utf-8")
     assert [name for name in verbs() if f'id="{name}"' not in commands] == []
     assert [name for name in effect_classes() if f'id="{name}"' not in effects] == []
+    criteria = (site / "reference" / "criteria.html").read_text(encoding="utf-8")
+    assert [name for name in described() if f"<td><code>{name}</code></td>" not in criteria] == []
 
 
 def test_equations_and_signatures_are_on_the_pages(site: Path) -> None:

@@ -8,14 +8,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ertskin.calibration.fit import fit_recording
+from ertskin.calibration.rest_slopes import rest_slopes_v
+from ertskin.calibration.result import Calibration
 from ertskin.data.anywhere import largest_force_n, pressed, touch_model
 from ertskin.data.informative_press import Accuracy, PressDesign, middles_m, most_telling
 from ertskin.data.skin_forward import SkinForward
-from ertskin.data.touches import touches_of
+from ertskin.data.touches import Touches, touches_of
 from ertskin.diagnosis.design.next_press import places_m
 from ertskin.errors import UserError
 from ertskin.hardware.recording import Recording
-from ertskin.physics.noise import WhiteNoise
+from ertskin.physics.noise import MeasuredNoise, Noise, WhiteNoise
 from ertskin.physics.sensor import Sensor
 from ertskin.physics.touch.interplay import Interplay
 from ertskin.physics.touch.table import ResponseTable, TouchGrid
@@ -25,6 +27,7 @@ Array = NDArray[np.float64]
 SPACING_M, FORCES = 0.01, 4
 """Of the table that errors are foretold with: coarser than the one contacts are found with, for seconds count."""
 COMPONENTS = 96
+RESOLUTION = "fast"
 
 
 @dataclass(frozen=True)
@@ -65,21 +68,28 @@ def design_of(recording: Recording, name: str) -> tuple[PressDesign, Array]:
     if not len(real):
         raise UserError(f"{name}: has no press with a force to choose the next one from")
     calibration, _ = fit_recording(recording, name)
-    forward = SkinForward(calibration, touches.protocol, {}, "fast")
+    forward = SkinForward(calibration, touches.protocol, {}, RESOLUTION)
     grid = TouchGrid.over(calibration.known_sensor.extent_m, SPACING_M, FORCES, largest_force_n(touches))
     change_ohm = forward.change_ohm(*grid.presses())
     no_cells = np.zeros((len(change_ohm), 1))
     table = ResponseTable.through(grid, change_ohm, no_cells, _no_interplay(touches.protocol.electrodes))
     if calibration.noise_v is None:
         raise UserError(f"{name}: its noise is not known, for it takes two rest frames")
-    # White: few presses have too few rest frames to tell how the noise is coloured.
-    noise = WhiteNoise(touches.protocol, calibration.noise_v)
+    noise = _noise(touches, calibration, calibration.noise_v)
     model = touch_model(touches.protocol, table, noise, None, correct=False).strongest(COMPONENTS)
     history = real.history
     force_n = history.force_n[:, 0]
     seen = real.change_v @ model.matrix
     design = PressDesign(model.table, history.contact_m[:, 0], force_n, history.press, seen, float(force_n.max()))
     return design, force_n[history.press == history.press.max()]
+
+
+def _noise(touches: Touches, calibration: Calibration, noise_v: float) -> Noise:
+    """White where the first presses have too few rest frames to tell how contacts and sheet wander."""
+    if len(touches.rest_v) < 3:
+        return WhiteNoise(touches.protocol, noise_v)
+    slope_v = rest_slopes_v(touches.protocol, calibration, RESOLUTION)
+    return MeasuredNoise.from_rest(touches.protocol, touches.rest_v, slope_v, touches.rest_zero)
 
 
 def _no_interplay(electrodes: int) -> Interplay:

@@ -3,6 +3,7 @@
 ``recording=FILE out=DIR`` writes diagnosis.json, report.html with figures, and the effects found as a choice for
 synthesize and train: effects=NAME, NAME being the recording's. With ``retrain=true`` and test recordings ``one=FILE``
 ``two=FILE`` it trains with and without what was found and says what that does to the metrics.
+``criteria.NAME=NUMBER`` decides by another number, ``criteria=CHOICE`` by a file of them.
 Many at once, each on its own worker of the cluster:
 recording=[A.h5,B.h5] or recording='FOLDER/*.h5'; every one then has its own folder below out.
 """
@@ -10,7 +11,7 @@ recording=[A.h5,B.h5] or recording='FOLDER/*.h5'; every one then has its own fol
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from ertskin.diagnosis.contract.claims import Diagnosis
+    from ertskin.diagnosis.criteria import Criteria
     from ertskin.diagnosis.output.retraining import Retraining
 
 EFFECTS = Path("runs/conf")
@@ -30,11 +32,15 @@ def run(config: DictConfig) -> None:
     """Diagnose ``config.recording``, one or many, and write what was found into ``config.out``."""
     from rich.console import Console
 
+    from ertskin.diagnosis.criteria import Criteria
+    from ertskin.settings import checked
+
+    criteria = checked(Criteria, config.criteria, "criteria")
     sources = _recordings(config.recording)
     if len(sources) == 1:
-        _diagnose_one(config, sources[0], Console())
+        _diagnose_one(config, sources[0], criteria, Console())
     else:
-        _diagnose_many(config, sources, Console())
+        _diagnose_many(config, sources, criteria, Console())
 
 
 @dataclass(frozen=True)
@@ -46,6 +52,7 @@ class Diagnoses:
     effects: Path
     calibrations: Path
     resolution: str
+    criteria: Criteria
 
     def __call__(self, number: int) -> Diagnosis | str:
         """The diagnosis, or the line that says why there is none: one bad file must not end the others."""
@@ -74,7 +81,7 @@ class Diagnoses:
         from ertskin.report.provenance import provenance
 
         name = config_name(source)
-        findings = diagnose_any(recording, source.name, report, self.resolution)
+        findings = diagnose_any(recording, source.name, report, self.resolution, criteria=self.criteria)
         report(0.95, "writing the report")
         effects = findings.diagnosis.effects
         written = [write_effects(folder, name, effects, source.name) for folder in (out, self.effects)]
@@ -82,7 +89,11 @@ class Diagnoses:
         written += [] if joint is None else [joint]
         drawn = write_figures(out, findings)
         commands = next_commands(source, name, bool(effects))
-        about = {"recording_sha256": file_sha256(source), "figures": [one.plain() for one in drawn]}
+        about = {
+            "recording_sha256": file_sha256(source),
+            "criteria": asdict(self.criteria),
+            "figures": [one.plain() for one in drawn],
+        }
         diagnosis = replace(findings.diagnosis, extra={**findings.diagnosis.extra, **about})
         made = write_report(out, findings, drawn, commands, provenance(source, self.resolution))
         written += [made, write_diagnosis(out, diagnosis)]
@@ -100,14 +111,14 @@ def next_commands(source: Path, name: str, named: bool) -> tuple[str, ...]:
     )
 
 
-def _diagnose_one(config: DictConfig, source: Path, console: Console) -> None:
+def _diagnose_one(config: DictConfig, source: Path, criteria: Criteria, console: Console) -> None:
     from ertskin.diagnosis.output.names import config_name
     from ertskin.diagnosis.output.progress import progress_bar
 
     retraining = _retraining(config)
     out = Path(config.out) if config.out else Path("runs/diagnose") / config_name(source)
     with progress_bar(console) as report:
-        pieces = Diagnoses((source,), (out,), EFFECTS, CALIBRATIONS, config.physics.resolution)
+        pieces = Diagnoses((source,), (out,), EFFECTS, CALIBRATIONS, config.physics.resolution, criteria)
         diagnosis, written = pieces.diagnosed(0, report)
     from ertskin.diagnosis.output.summary import print_summary
 
@@ -148,7 +159,7 @@ def _retrain(retraining: Retraining, diagnosis: Diagnosis, source: Path, out: Pa
         console.print(f"report {name} the effects: {report}", soft_wrap=True, highlight=False)
 
 
-def _diagnose_many(config: DictConfig, sources: tuple[Path, ...], console: Console) -> None:
+def _diagnose_many(config: DictConfig, sources: tuple[Path, ...], criteria: Criteria, console: Console) -> None:
     import hydra
 
     from ertskin.diagnosis.output.names import config_name
@@ -169,6 +180,7 @@ def _diagnose_many(config: DictConfig, sources: tuple[Path, ...], console: Conso
         EFFECTS.resolve(),
         CALIBRATIONS.resolve(),
         config.physics.resolution,
+        criteria,
     )
     failed = 0
     with counting("diagnosing") as progress:

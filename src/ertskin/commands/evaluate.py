@@ -20,12 +20,15 @@ def run(config: DictConfig) -> None:
 
     from rich.console import Console
 
-    from ertskin.evaluation.evaluate import evaluate
-    from ertskin.evaluation.summary import print_table
+    from ertskin.progress import saying
 
     console = Console()
-    with console.status("evaluating") as status:
-        done = evaluate(config, files, lambda line: status.update(f"evaluating: {line}"))
+    with saying("evaluating") as say:
+        say("loading")
+        from ertskin.evaluation.evaluate import evaluate
+        from ertskin.evaluation.summary import print_table
+
+        done = evaluate(config, files, say)
     print_table(console, done.methods)
     for line in done.remarks:
         console.print(line, soft_wrap=True, highlight=False)

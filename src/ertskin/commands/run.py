@@ -9,15 +9,18 @@ from __future__ import annotations
 
 import json
 import time
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ertskin.cores import given_cores
 from ertskin.data.shards import file_sha256, request_key
 from ertskin.data.synthesis import planned
+from ertskin.diagnosis.criteria import DEFAULT, Criteria
 from ertskin.errors import UserError
-from ertskin.settings import whole_number
-from ertskin.steps import run_step
+from ertskin.settings import checked, whole_number
+from ertskin.steps import meanwhile, run_step
 from ertskin.training.settings import trainer_settings
 
 if TYPE_CHECKING:
@@ -48,6 +51,7 @@ def run(config: DictConfig) -> None:
     for seed in config.seeds:
         trainer_settings(config.trainer, seed)
     planned(config.data.plan)
+    criteria = checked(Criteria, config.criteria, "criteria")
     jobs = whole_number(config.jobs, "jobs", least=1)
     files = _recordings(config)
     source = files["recording"]
@@ -58,9 +62,7 @@ def run(config: DictConfig) -> None:
         if files.get(role) is not None:
             run_step(["doctor", f"recording={files[role]}"])
     run_step(["calibrate", recording, *_accepted("calibrate", settings)])
-    wanted = config.diagnose and not any(word.startswith("effects=") for word in settings)
-    found = _diagnosed(source, _accepted("diagnose", settings)) if wanted else Found()
-    _train(config, recording, settings, found.effects, jobs)
+    found = _trained(config, source, criteria, settings, jobs)
     tests = [f"{role}={files[role]}" for role in ROLES if files.get(role) is not None]
     if tests:
         story = [] if found.folder is None else [f"diagnosis={found.folder}"]
@@ -72,37 +74,74 @@ def run(config: DictConfig) -> None:
     print(f"\ndone in {time.monotonic() - begun:.0f} s; compare the runs with: ertskin dashboard")
 
 
-def _diagnosed(source: Path, settings: list[str]) -> Found:
-    """What the recording's diagnosis says; an earlier one of the same bytes stands."""
+def _trained(config: DictConfig, source: Path, criteria: Criteria, settings: list[str], jobs: int) -> Found:
+    """What the recording's diagnosis says, once the networks are trained without it and with it.
+
+    Where there is room for two jobs those without it are trained while the recording is diagnosed.
+    """
+    choose = partial(_training_steps, config, f"recording={source}", settings)
+    if not config.diagnose or any(word.startswith("effects=") for word in settings):
+        for step in choose([], jobs):
+            run_step(step)
+        return Found()
+    diagnosing = ["diagnose", f"recording={source}", *_accepted("diagnose", settings)]
+    found = _diagnosis(source, criteria)
+    if found.folder is None and jobs > 1 and given_cores() > 1:
+        cores = given_cores() // 2
+        with meanwhile(choose(["none"], jobs // 2), Path("runs/run") / f"{source.stem}_none.log", cores):
+            run_step(diagnosing, cores)
+            found = _diagnosis(source, criteria)
+            for step in choose([found.effects], jobs // 2) if found.effects else []:
+                run_step(step, cores)
+        return found
+    if found.folder is None:
+        run_step(diagnosing)
+        found = _diagnosis(source, criteria)
+    for step in choose(["none", found.effects] if found.effects else ["none"], jobs):
+        run_step(step)
+    return found
+
+
+def _diagnosis(source: Path, criteria: Criteria) -> Found:
+    """What has been found in the recording; nothing yet, unless of the same bytes and by the same criteria."""
     from ertskin.diagnosis.output.names import config_name
 
     name = config_name(source)
     folder = Path("runs/diagnose") / name
     path = folder / "diagnosis.json"
-    checksum = file_sha256(source)
-    if not path.is_file() or _read(path).get("recording_sha256") != checksum:
-        run_step(["diagnose", f"recording={source}", *settings])
-    return Found(folder, name if _read(path)["effects"] else None)
+    if not path.is_file():
+        return Found()
+    earlier = _read(path)
+    same = earlier.get("criteria", asdict(DEFAULT)) == asdict(criteria)
+    if not same or earlier.get("recording_sha256") != file_sha256(source):
+        return Found()
+    return Found(folder, name if earlier["effects"] else None)
 
 
 def _read(path: Path) -> dict[str, Any]:
     return dict(json.loads(path.read_text(encoding="utf-8")))
 
 
-def _train(config: DictConfig, recording: str, settings: list[str], effects: str | None, jobs: int) -> None:
-    """Networks of the taxels on their trials and those of contacts anywhere on theirs, without and with ``effects``."""
+def _training_steps(
+    config: DictConfig, recording: str, settings: list[str], effects: list[str], jobs: int
+) -> list[list[str]]:
+    """Commands that train the networks of contacts anywhere on their trials and those of the taxels on theirs, with
+    each choice of ``effects``; as configured where there is none."""
     accepted = _accepted("train", settings)
-    swept = [f"seed={','.join(map(str, config.seeds))}", *([f"effects=none,{effects}"] if effects else [])]
-    if config.models:
-        for choice in (None, effects) if effects else (None,):
-            run_step(["synthesize", recording, *_simulated_with(choice), *_accepted("synthesize", settings)])
-        model = f"model={','.join(config.models)}"
-        run_step(["train", "-m", recording, model, *swept, *accepted, *_launcher(jobs)])
+    swept = [f"seed={','.join(map(str, config.seeds))}", *([f"effects={','.join(effects)}"] if effects else [])]
+    steps = []
     if config.between.models:
         # They learn from contacts anywhere, whatever the others learn from.
         own = [word for word in accepted if not word.startswith(("data", "trainer"))]
         model = f"model={','.join(config.between.models)}"
-        run_step(["train", "-m", recording, model, *swept, *own, *config.between.settings, *_launcher(jobs)])
+        steps.append(["train", "-m", recording, model, *swept, *own, *config.between.settings, *_launcher(jobs)])
+    if config.models:
+        for choice in effects or ["none"]:
+            chosen = _simulated_with(None if choice == "none" else choice)
+            steps.append(["synthesize", recording, *chosen, *_accepted("synthesize", settings)])
+        model = f"model={','.join(config.models)}"
+        steps.append(["train", "-m", recording, model, *swept, *accepted, *_launcher(jobs)])
+    return steps
 
 
 def _evaluate(config: DictConfig, recording: str, told: list[str], settings: list[str]) -> None:

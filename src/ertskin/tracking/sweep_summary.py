@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from ertskin.tracking.run import Run
 
 if TYPE_CHECKING:
-    from rich.table import Table
+    from rich.console import Console
 
 PREFIX = "validation_"
 
@@ -39,7 +39,7 @@ def show_sweep(run: Run, results: Sequence[JobResult]) -> None:
     from ertskin.report.figures.sweep_curves import sweep_curves
 
     rows = rows_of(results)
-    Console().print(_table(rows))
+    print_rows(Console(), rows)
     columns: dict[str, list[Any]] = {key: [row.varied[key] for row in rows] for key in rows[0].varied}
     columns["jobs"] = [max(map(len, row.metrics.values()), default=0) for row in rows]
     for name in _names(rows):
@@ -78,24 +78,21 @@ def _mean(values: Sequence[float]) -> float | None:
     return mean if math.isfinite(mean) else None
 
 
-def _table(rows: Sequence[Row]) -> Table:
-    from rich import box
-    from rich.table import Table
-
+def print_rows(console: Console, rows: Sequence[Row]) -> None:
+    """A line for each combination: what was swept, and every metric."""
+    from ertskin import terminal_table as terminal
     from ertskin.report.units import METRICS
 
-    table = Table(box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False, padding=(0, 1, 0, 0))
-    for key in rows[0].varied:
-        table.add_column(key.rpartition(".")[2], no_wrap=True)
-    for name in _names(rows):
-        head = f"{METRICS[name].short}\n{METRICS[name].unit}" if name in METRICS else name
-        table.add_column(head, justify="right")
-    for row in rows:
-        cells = (_cell(name, row.metrics.get(name, [])) for name in _names(rows))
-        table.add_row(*row.varied.values(), *cells)
-    table.caption = "validation: simulated presses no network was trained on; ± over seeds"
-    table.caption_justify = "left"
-    return table
+    names = _names(rows)
+    columns = [terminal.Column(key.rpartition(".")[2], words=True) for key in rows[0].varied]
+    heads = (f"{METRICS[name].short}\n{METRICS[name].unit}" if name in METRICS else name for name in names)
+    columns += [terminal.Column(head) for head in heads]
+    lines = [
+        terminal.Row((*row.varied.values(), *(_cell(name, row.metrics.get(name, [])) for name in names)))
+        for row in rows
+    ]
+    caption = "validation: simulated presses no network was trained on; ± over seeds"
+    terminal.print_table(console, columns, lines, caption)
 
 
 def _cell(name: str, values: Sequence[float]) -> str:

@@ -85,11 +85,13 @@ def varied(config: DictConfig) -> dict[str, Any]:
 
 
 def job_name(config: DictConfig) -> str:
-    """What a table of runs shows: the network, the grid, what else a sweep varies, the seed."""
+    """What a table of runs shows: the network, the grid, effects simulated, what else a sweep varies, the seed."""
     chosen, of_sweep = choices(), varied(config)
     words = [chosen.get("model", str(config.model.name))]
     if chosen.get("grid", "recording") != "recording":
         words.append(chosen["grid"])
+    if chosen.get("effects", "none") != "none" and "effects" not in of_sweep:
+        words.append(chosen["effects"])
     for key, value in of_sweep.items():
         if key not in ("model", "grid", "seed"):
             words.append(str(value) if key in chosen else f"{key.rpartition('.')[2]} {value}")

@@ -19,6 +19,7 @@ from threadpoolctl import threadpool_limits
 from ertskin.cluster import LocalCluster
 from ertskin.commands.diagnose import Diagnoses
 from ertskin.data.synthesis import Plan, synthesize
+from ertskin.diagnosis.criteria import Criteria
 from ertskin.errors import JobFailed
 from ertskin.hardware.recording import write_recording
 from ertskin.physics.sensor import taxel_grid_m
@@ -172,7 +173,7 @@ def test_diagnoses_from_a_scheduler_are_those_of_one_process_though_a_worker_was
     def written(folder, pieces, cluster):
         folders = tuple(tmp_path / folder / source.stem for source in sources)
         kept = (tmp_path / folder / name for name in ("conf", "calibrate"))
-        said = dict(cluster.spread(pieces(sources, folders, *kept, "fast"), range(2)))
+        said = dict(cluster.spread(pieces(sources, folders, *kept, "fast", Criteria()), range(2)))
         assert said[0].verdict == "cannot_tell"
         assert said[1].verdict == "no_mismatch"
         files = (path for path in (tmp_path / folder).rglob("*.*") if path.suffix != ".html")

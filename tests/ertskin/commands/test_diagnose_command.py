@@ -3,12 +3,13 @@
 import json
 import shutil
 import sys
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import pytest
 
 from ertskin import cli
+from ertskin.diagnosis.criteria import Criteria
 from ertskin.hardware.recording import write_recording
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "hardware"))
@@ -65,3 +66,25 @@ def test_dask_gives_the_same(recordings):
 def test_what_cannot_be_asked_is_said(recordings, capsys, asked):
     assert cli.main(["diagnose", asked]) == 2
     assert "recording" in capsys.readouterr().err
+
+
+def test_the_criteria_asked_for_are_the_ones_decided_by(recordings):
+    mine = Path("runs/conf/criteria/mine.yaml")
+    mine.parent.mkdir(parents=True)
+    mine.write_text("# Asks more of a name.\ndefaults: [default]\nsignificant_gain: 30.0\n")
+    assert cli.main(["diagnose", "recording=first.h5", "out=own", "criteria=mine", "criteria.chance=0.01"]) == 0
+    said = json.loads(Path("own/diagnosis.json").read_text())["criteria"]
+    assert said == asdict(Criteria(significant_gain=30.0, chance=0.01))
+
+
+@pytest.mark.parametrize(
+    ("asked", "said"),
+    [
+        ("criteria.chance=2", "criteria.chance must be at most 0.5, not 2.0"),
+        ("criteria.material_ratio=much", "criteria.material_ratio must be a number, not 'much'"),
+    ],
+)
+def test_a_criterion_out_of_its_limits_gets_one_line(recordings, capsys, asked, said):
+    assert cli.main(["diagnose", "recording=first.h5", asked]) == 2
+    assert capsys.readouterr().err == f"ertskin: {said}\n"
+    assert not Path("runs/diagnose").exists()

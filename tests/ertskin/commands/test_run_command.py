@@ -3,6 +3,7 @@
 import json
 import subprocess
 import sys
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -13,6 +14,7 @@ from ertskin.commands import run
 from ertskin.configuration import config_dir
 from ertskin.data.shards import file_sha256
 from ertskin.diagnosis.contract.claims import Claim, Diagnosis, Estimate, HeldOut
+from ertskin.diagnosis.criteria import DEFAULT, Criteria
 from ertskin.diagnosis.output.diagnosis_file import write_diagnosis, write_effects
 from ertskin.physics.effects.sheet_inhomogeneity import SheetInhomogeneity
 
@@ -49,7 +51,7 @@ def diagnosed(source: Path, folder: Path) -> None:
 
 
 @pytest.mark.timeout(600)
-def test_the_main_job_trains_without_and_with_what_was_found_and_goes_on_from_what_is_there(workplace):
+def test_the_main_job_learns_without_and_with_what_was_found_and_goes_on_from_what_is_there(workplace):
     write_small_bench(workplace, {"sheet_inhomogeneity": 1.0})
     diagnosed(Path("train.h5"), workplace)
     first = ertskin("run", "recording=train.h5", "one=one.h5", "two=two.h5", *SMALL, folder=workplace)
@@ -61,8 +63,9 @@ def test_the_main_job_trains_without_and_with_what_was_found_and_goes_on_from_wh
     hits = scores(results, "hit_rate_one")
     assert {"reciprocal", "contacts"} <= set(hits)
     assert {f"{name} (with sheet_inhomogeneity)" for name in ("reciprocal", "contacts")} <= set(hits)
-    # So small a skin answers by half its noise: that networks learn is held where they can (test_train_command).
-    assert all(0.0 <= hit <= 1.0 for hit in hits.values())
+    assert hits["reciprocal"] >= 0.6
+    # The mean place is the middle, one of the test's three.
+    assert hits["mean"] == pytest.approx(1.0 / 3.0)
     report = Path("runs/evaluate/train/report.html").read_text()
     for words_there in ("What the simulator lacked", "sheet inhomogeneity", "gradient x 0.2 (0.19 to 0.21)"):
         assert words_there in report
@@ -104,6 +107,75 @@ def test_without_a_recording_the_rig_records_what_is_missing(tmp_path, monkeypat
     assert steps[1][2] == "plan=one_point_test"
     assert run._recorded(config) == files
     assert len(steps) == 2
+
+
+def test_a_diagnosis_by_other_criteria_does_not_stand(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    source = Path("train.h5")
+    source.write_bytes(b"the same bytes")
+    diagnosed(source, tmp_path)
+    assert run._diagnosis(source, DEFAULT).effects == "train"
+    assert run._diagnosis(source, Criteria(chance=0.01)).folder is None
+
+
+class Steps:
+    """Commands that would be run: before the diagnosis is there, ``diagnose`` leaves one that names ``effects``."""
+
+    def __init__(self, folder, monkeypatch, effects):
+        self.run, self.meanwhile, self.cores = [], [], []
+        self.found, self.diagnosed = run.Found(folder, effects), False
+        monkeypatch.setattr(run, "run_step", self.step)
+        monkeypatch.setattr(run, "meanwhile", self.aside)
+        monkeypatch.setattr(run, "given_cores", lambda: 4)
+        monkeypatch.setattr(run, "_diagnosis", lambda *_: self.found if self.diagnosed else run.Found())
+        monkeypatch.setattr(run, "_handed_on", list)
+
+    def step(self, words, cores=None):
+        self.run.append(words)
+        self.cores.append(cores)
+        self.diagnosed |= words[0] == "diagnose"
+
+    @contextmanager
+    def aside(self, steps, log, cores):
+        self.meanwhile += steps
+        yield
+
+    def verbs(self, words):
+        return [(step[0], [word for word in step if word.startswith("effects=")]) for step in words]
+
+
+def trained(*words):
+    with initialize_config_dir(str(config_dir()), version_base="1.3"):
+        config = compose("run", list(words))
+    return run._trained(config, Path("mine.h5"), DEFAULT, [], config.jobs)
+
+
+WITHOUT = [("train", ["effects=none"]), ("synthesize", []), ("train", ["effects=none"])]
+WITH = [("train", ["effects=mine"]), ("synthesize", ["effects=mine"]), ("train", ["effects=mine"])]
+BOTH = [("train", ["effects=none,mine"]), ("synthesize", []), ("synthesize", ["effects=mine"])]
+BOTH += [("train", ["effects=none,mine"])]
+
+
+def test_networks_that_know_of_no_effect_are_trained_while_the_recording_is_diagnosed(tmp_path, monkeypatch):
+    steps = Steps(tmp_path, monkeypatch, "mine")
+    assert trained("jobs=2") == steps.found
+    assert steps.verbs(steps.meanwhile) == WITHOUT
+    assert steps.verbs(steps.run) == [("diagnose", []), *WITH]
+    assert steps.cores == [2, 2, 2, 2]
+    nothing = Steps(tmp_path, monkeypatch, None)
+    trained("jobs=2")
+    assert nothing.verbs(nothing.meanwhile) == WITHOUT
+    assert nothing.verbs(nothing.run) == [("diagnose", [])]
+
+
+def test_one_job_does_one_thing_after_another_and_a_diagnosis_stands(tmp_path, monkeypatch):
+    steps = Steps(tmp_path, monkeypatch, "mine")
+    trained("jobs=1")
+    assert steps.verbs(steps.run) == [("diagnose", []), *BOTH]
+    steps.run.clear()
+    trained("jobs=2")
+    assert steps.verbs(steps.run) == BOTH
+    assert not steps.meanwhile
 
 
 def test_a_recording_that_is_none_gets_one_line(tmp_path):

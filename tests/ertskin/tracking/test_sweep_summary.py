@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import math
 import shutil
@@ -10,12 +11,13 @@ from pathlib import Path
 import mlflow
 import pytest
 from mlflow.exceptions import MlflowException
+from rich.console import Console
 
 from ertskin.tracking.run import Run, fetch
 from ertskin.tracking.settings import TrackingSettings
 from ertskin.tracking.store import open_store, store_uri
 from ertskin.tracking.sweep import RESULTS, SweepCallback
-from ertskin.tracking.sweep_summary import JobResult, show_sweep
+from ertskin.tracking.sweep_summary import JobResult, print_rows, rows_of, show_sweep
 
 HIT = "validation_hit_rate_one"
 
@@ -88,3 +90,21 @@ def test_a_table_that_cannot_be_kept_costs_the_sweep_nothing(
     assert "2x2" in shown.out
     assert shown.err == "ertskin: the sweep's table could not be kept: no space left\n"
     assert open_store(settings.database).get_run(run_id).info.status == "FINISHED"
+
+
+def test_every_number_is_whole_in_eighty_columns_however_long_the_effects() -> None:
+    metrics = ("hit_rate_one", "force_rmse_one_n", "force_correlation_one", "exact_rate_two", "force_error_two_n")
+    effects = "sheet_inhomogeneity_of_the_first_skin", "none"
+    jobs = [
+        JobResult({"model": "reciprocal", "effects": name, "seed": seed}, {f"validation_{m}": 0.25 for m in metrics})
+        for name in effects
+        for seed in (0, 1)
+    ]
+    stream = io.StringIO()
+    print_rows(Console(file=stream, width=80), rows_of(jobs))
+    text = stream.getvalue()
+    assert "…" not in text
+    assert max(map(len, text.splitlines())) <= 80
+    for shown in ("25.0 ±0.0", "0.25 ±0.00", "0.250 ±0.000"):
+        assert text.count(shown) >= len(effects)
+    assert text.count("RMSE 1") == 1

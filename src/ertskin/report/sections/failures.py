@@ -31,7 +31,7 @@ def failures(methods: Sequence[MethodResult], shown: MethodResult) -> Section:
         )
         force = taxel_map(one.taxel_m, run.scores["force_rmse_one_n"].per_taxel, "force RMSE, one point / N")
         pictures.append(Picture.of(force, "Where the force is worst."))
-    where = taxel_map(outcome.taxel_m, run.scores["location_error_mm"].per_taxel, "location error / mm", form="{:.1f}")
+    where = taxel_map(outcome.taxel_m, run.scores["location_error_mm"].per_taxel, "location error / mm")
     pictures.append(Picture.of(where, "Where the place is worst, over all test frames."))
     wrong = np.flatnonzero(~_hit(outcome))
     words = (
