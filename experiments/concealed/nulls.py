@@ -21,11 +21,12 @@ from pathlib import Path  # noqa: E402
 import numpy as np  # noqa: E402
 
 from ertskin.diagnosis.any_recording import diagnose_any  # noqa: E402
+from ertskin.diagnosis.criteria import DEFAULT  # noqa: E402
 from ertskin.diagnosis.fit.joint_fit import Term  # noqa: E402
 from ertskin.diagnosis.linear.calibration_vector import Calibration  # noqa: E402
 from ertskin.diagnosis.search.candidates import screen  # noqa: E402
 from ertskin.diagnosis.search.selection import Selection  # noqa: E402
-from ertskin.diagnosis.search.trials import SIGNIFICANT, material_cost  # noqa: E402
+from ertskin.diagnosis.search.trials import material_cost  # noqa: E402
 from ertskin.hardware.recording import read_recording  # noqa: E402
 
 
@@ -35,7 +36,7 @@ class Chance:
     def __init__(self, count: int) -> None:
         self.count = count
         self.best: list[tuple[str, float]] = []
-        self.least = SIGNIFICANT
+        self.least = DEFAULT.significant_gain
 
     def __call__(
         self,
@@ -51,7 +52,8 @@ class Chance:
         fitted = problem.solve(fixed, start)
         clean = problem.acquisition.scans(problem.family.skin(fitted.calibration, fitted.effects))
         cost = 0.5 * float((fitted.scan_residual**2).sum())
-        self.least = max(SIGNIFICANT, material_cost(int((problem.weight > 0).sum()) * clean.shape[1], cost))
+        numbers = int((problem.weight > 0).sum()) * clean.shape[1]
+        self.least = max(DEFAULT.significant_gain, material_cost(numbers, cost, DEFAULT))
         real = problem.evidence
         for seed in range(self.count):
             noise = real.noise_v * np.random.default_rng(seed).standard_normal(clean.shape)
@@ -76,7 +78,7 @@ def main() -> None:
         "nulls": len(gains),
         "largest gain": float(gains.max()),
         "95th percentile": float(np.quantile(gains, 0.95)),
-        "significant from": SIGNIFICANT,
+        "significant from": DEFAULT.significant_gain,
         "taken from": chance.least,
     }
     print(json.dumps(summary))

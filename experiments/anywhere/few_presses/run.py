@@ -39,6 +39,7 @@ from ertskin.models.contacts import ContactsNetwork
 from ertskin.models.deciding import proposals
 from ertskin.models.reconstruction import Reconstruction
 from ertskin.physics.calibration.rest_frames import rest_scan
+from ertskin.physics.effects.registry import effects_config
 from ertskin.report.figures.image import png
 
 Array = NDArray[np.float64]
@@ -102,7 +103,11 @@ def curve(data: Path, name: str, network: Path, effects: Path, work: Path) -> It
 def named(said: str, recording: Recording, which: list[int], verdict: Path, work: Path) -> dict[str, Any]:
     """Effects: none, those in the file ``verdict``, or what a diagnosis finds in the presses ``which`` alone."""
     if said == "own":
-        return dict(kept(work / f"own_{len(which)}.json", lambda: diagnose(presses_of(recording, which)).effects))
+        return dict(
+            kept(
+                work / f"own_{len(which)}.json", lambda: effects_config(diagnose(presses_of(recording, which)).effects)
+            )
+        )
     return {} if said == "none" else dict(yaml.safe_load(verdict.read_text(encoding="utf-8")))
 
 

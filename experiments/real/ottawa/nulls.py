@@ -21,7 +21,8 @@ from numpy.typing import NDArray
 from scipy.stats import gumbel_r, norm
 from simulated import ELECTRODES, hand_made
 
-from ertskin.diagnosis.tank.displaced_electrodes import FLOOR, HANDS, OWN, SUREST
+from ertskin.diagnosis.criteria import DEFAULT
+from ertskin.diagnosis.tank.displaced_electrodes import FLOOR, HANDS, OWN
 from ertskin.diagnosis.tank.electrode_error import channel_weights, column_errors, rms_v
 from ertskin.diagnosis.tank.placement import NEEDED, TOLERANCE
 from ertskin.files import write_whole
@@ -81,7 +82,7 @@ def displaced(one: dict[str, Any], tolerance: float = TOLERANCE) -> list[int]:
 def confidence(shift: Array, error: Array) -> Array:
     """(n,) as ``displaced_electrodes`` has it, everything over the radius."""
     sigma = np.hypot(OWN * error, FLOOR)
-    return np.minimum(norm.cdf((np.abs(shift) - HANDS) / sigma), SUREST)
+    return np.minimum(norm.cdf((np.abs(shift) - HANDS) / sigma), DEFAULT.surest_confidence)
 
 
 def spread(found: list[dict[str, Any]]) -> dict[str, float]:
