@@ -88,55 +88,72 @@ def answered(
     force = force_answer(evidence, baseline, selection, found.held)
     case = Case(evidence, baseline, selection, found, force, _leftover_after(evidence, selection), differ)
     claims = _claims(case)
-    # Places that have not recovered look like a contact that jitters; where their memory is named it says why.
-    recovering = any(getattr(claim.effect, "remembers_air", False) for claim in claims) and evidence.traces.shape[2] > 0
-    jitters = baseline.noise.jittering >= 0 and not recovering
+    jitters = _jitters(case, claims)
     verdict = _verdict(case, claims, jitters)
     if verdict in ("unexplained", "no_mismatch"):
         claims = []
     history = evidence.history[found.held]
-    tests_before = axis_tests(found.before, history, evidence.protocol)
-    tests_after = axis_tests(found.after, history, evidence.protocol)
-    axes: list[str] = [axis for claim in claims for axis in claim.effect.hypothesis.axes]
-    if verdict == "unexplained":
-        axes = ["electrode", "time"] if jitters else depends_on(tests_before, case.criteria)
-    if selection.specimen == "disagrees":
-        axes.append("specimen")
-    electrodes = _electrodes(case, claims)
-    if jitters:
-        electrodes = tuple(dict.fromkeys((*electrodes, baseline.noise.jittering)))
-    position, radius = _place_of(claims)
-    left = found.ratio_after if claims else found.ratio_before
-    diagnosis = Diagnosis(
-        name,
-        verdict,
-        HeldOut(
-            SPLIT, evidence.noise_v, found.ratio_before, left, _p_value(found, claims), force.before_n, force.after_n
-        ),
-        stage=_stage(case, claims, verdict, jitters),
-        electrodes=electrodes,
-        position_m=position,
-        radius_m=radius,
-        depends_on=tuple(dict.fromkeys(axes)),
-        claims=tuple(claims),
-        unexplained_ratio=left,
-        unexplained_depends_on=_left_depends_on(case, tests_after),
-        presses_differ=differ,
-        reason=_reason(case, jitters),
-        specimen=selection.specimen,
-        tried=selection.tried,
-    )
+    before, after = (axis_tests(left, history, evidence.protocol) for left in (found.before, found.after))
     return Findings(
-        diagnosis,
+        _diagnosis(name, case, claims, verdict, jitters, (before, after)),
         evidence,
         baseline,
         selection,
         found.held,
         found.before,
         found.after,
-        tuple(tests_before),
-        tuple(tests_after),
+        tuple(before),
+        tuple(after),
     )
+
+
+def _jitters(case: Case, claims: list[Claim]) -> bool:
+    """Whether a contact jitters; places that have not recovered look like it, and where their memory is named it says
+    why."""
+    remembers = any(getattr(claim.effect, "remembers_air", False) for claim in claims)
+    return case.baseline.noise.jittering >= 0 and not (remembers and case.evidence.traces.shape[2] > 0)
+
+
+def _diagnosis(
+    name: str,
+    case: Case,
+    claims: list[Claim],
+    verdict: str,
+    jitters: bool,
+    tests: tuple[list[AxisTest], list[AxisTest]],
+) -> Diagnosis:
+    """What is said of a case, given its ``claims``, ``verdict`` and the ``tests`` of axes before and after."""
+    found, force = case.found, case.force
+    left = found.ratio_after if claims else found.ratio_before
+    misfit = found.ratio_before, left, _p_value(found, claims)
+    position, radius = _place_of(claims)
+    return Diagnosis(
+        name,
+        verdict,
+        HeldOut(SPLIT, case.evidence.noise_v, *misfit, force.before_n, force.after_n),
+        stage=_stage(case, claims, verdict, jitters),
+        electrodes=_electrodes(case, claims, jitters),
+        position_m=position,
+        radius_m=radius,
+        depends_on=_depends_on(case, claims, verdict, jitters, tests[0]),
+        claims=tuple(claims),
+        unexplained_ratio=left,
+        unexplained_depends_on=_left_depends_on(case, tests[1]),
+        presses_differ=case.differ,
+        reason=_reason(case, jitters),
+        specimen=case.selection.specimen,
+        tried=case.selection.tried,
+    )
+
+
+def _depends_on(case: Case, claims: list[Claim], verdict: str, jitters: bool, tests: list[AxisTest]) -> tuple[str, ...]:
+    """Axes along which the mismatch shows: those of the claims, or those tested where nothing is claimed."""
+    axes: list[str] = [axis for claim in claims for axis in claim.effect.hypothesis.axes]
+    if verdict == "unexplained":
+        axes = ["electrode", "time"] if jitters else depends_on(tests, case.criteria)
+    if case.selection.specimen == "disagrees":
+        axes.append("specimen")
+    return tuple(dict.fromkeys(axes))
 
 
 def _claims(case: Case) -> list[Claim]:
@@ -287,13 +304,16 @@ def _voltage_claim(selection: Selection, chosen: Chosen, number: int) -> Claim:
     return Claim(term.effect, confidence, chosen.ratio_alone, estimates, alternatives, chosen.rivals)
 
 
-def _electrodes(case: Case, claims: list[Claim]) -> tuple[int, ...]:
-    """Electrodes and channels claimed, channels that freeze, and those whose readings no network explains."""
+def _electrodes(case: Case, claims: list[Claim], jitters: bool) -> tuple[int, ...]:
+    """Electrodes and channels claimed, channels that freeze, those whose readings no network explains, and a contact
+    that ``jitters``."""
     claimed = [getattr(c.effect, key, -1) for c in claims for key in ("electrode", "channel")]
     named = tuple(int(number) for number in claimed if number >= 0)
     wrong = (*named, *case.frozen)
     if case.instrument_off:
         wrong = (*wrong, *_leftover_channels(case.evidence))
+    if jitters:
+        wrong = (*wrong, case.baseline.noise.jittering)
     return tuple(dict.fromkeys(wrong))
 
 

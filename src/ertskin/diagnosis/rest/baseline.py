@@ -15,12 +15,15 @@ from ertskin.diagnosis.rest.rest_frames import Noise, rested
 from ertskin.diagnosis.specimen.fit import SpecimenFinding, SpecimenTest, specimen_findings
 from ertskin.diagnosis.specimen.signal import SpecimenSignal
 from ertskin.hardware.recording import Recording
-from ertskin.physics.calibration.indenter_support import indenter_support
-from ertskin.physics.calibration.specimen import fit_specimen
+from ertskin.physics.calibration.indenter_support import IndenterSupport, indenter_support
+from ertskin.physics.calibration.specimen import SpecimenFit, fit_specimen
 from ertskin.physics.effects.effect import ElectrodeEffect
 from ertskin.physics.skin import Skin
 
 Array = NDArray[np.float64]
+
+UNYIELDING = 1e9, 1e-3
+"""Stiffness in newton per metre, and its relative error, of a support that no rigid block has tested."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,58 +55,77 @@ class Baseline:
 
 def calibrated(recording: Recording, evidence: Evidence, resolution: str = "fine") -> Baseline:
     """Raises ``CannotTell`` where the recording lacks what the simulator needs."""
-    if recording.specimen is None:
-        raise CannotTell("no specimen test: the fabric's law, and so the simulator, is unknown")
+    law = _law(recording)
     if not evidence.sensor.layers:
         raise CannotTell("the sensor names no layers: the pressure under a contact is unknown")
-    specimen = recording.specimen
-    try:
-        law = fit_specimen(specimen.stress_pa, specimen.sheet_resistance_ohm_sq, specimen.time_s, specimen.cycle)
-    except ValueError as error:
-        raise CannotTell(f"the specimen test can't be used: {error}") from None
-    support, share = np.inf, 1e-3
-    scatter = float("nan")
-    if recording.rigid_block is not None:
-        try:
-            found = indenter_support(recording.rigid_block.depth_m, recording.rigid_block.force_n)
-        except ValueError as error:
-            raise CannotTell(f"the rigid block's curve can't be used: {error}") from None
-        support, scatter = found.stiffness_n_per_m, found.force_noise_n
-        share = max(found.standard_error_n_per_m / found.stiffness_n_per_m, 1e-5)
-    noise = force_noise(evidence, scatter)
-    plain, best = _force_stage(evidence, support, share, noise.rms_n)
+    support = _support(recording)
+    noise = force_noise(evidence, support.force_noise_n)
+    plain, best = _force_stage(evidence, support, noise.rms_n)
     contacts = np.full(evidence.protocol.electrodes, max(evidence.sensor.contact_resistance_guess_ohm, 10.0))
-    skin = Skin.build(evidence.sensor, evidence.protocol, law.law, contacts, support, (), resolution)
-    at_rest = rested(skin, evidence)
+    built = Skin.build(evidence.sensor, evidence.protocol, law.law, contacts, support.stiffness_n_per_m, (), resolution)
+    at_rest = rested(built, evidence)
     skin = at_rest.skin
     displaced = displaced_pad(skin, at_rest.scan_v, at_rest.scan_noise_v, at_rest.misfit, evidence.criteria, resolution)
     skin = replace(skin, effects=at_rest.drift)
     if best is not None:
         skin = replace(skin, pad_n_per_m=best.pad_n_per_m, effects=(*best.effects, *at_rest.drift))
-    force = _driving_force(evidence, best)
-    signal = SpecimenSignal.of(specimen, law.noise_fraction)
-    test = SpecimenTest(signal.stress_pa, signal.resistance_ohm_sq, signal.time_s)
-    findings, scatter = specimen_findings(test, evidence.criteria)
-    signal = replace(signal, noise_fraction=scatter, effects=tuple(finding.effect for finding in findings))
+    signal, findings = _specimen(recording, law, evidence)
     return Baseline(
         skin=skin,
         force_plain=plain,
         force_best=best,
         force_noise=noise,
-        force_n=force,
+        force_n=_driving_force(evidence, best),
         specimen=signal,
-        specimen_findings=tuple(findings),
+        specimen_findings=findings,
         displaced=displaced,
         noise=at_rest.noise,
         traces=at_rest.traces,
     )
 
 
+def _law(recording: Recording) -> SpecimenFit:
+    """The fabric's law from its specimen."""
+    specimen = recording.specimen
+    if specimen is None:
+        raise CannotTell("no specimen test: the fabric's law, and so the simulator, is unknown")
+    try:
+        return fit_specimen(specimen.stress_pa, specimen.sheet_resistance_ohm_sq, specimen.time_s, specimen.cycle)
+    except ValueError as error:
+        raise CannotTell(f"the specimen test can't be used: {error}") from None
+
+
+def _support(recording: Recording) -> IndenterSupport:
+    """The indenter's support from its rigid block; without one it doesn't give way, and no force was measured."""
+    block = recording.rigid_block
+    if block is None:
+        return IndenterSupport(np.inf, np.inf, 0.0, float("nan"))
+    try:
+        return indenter_support(block.depth_m, block.force_n)
+    except ValueError as error:
+        raise CannotTell(f"the rigid block's curve can't be used: {error}") from None
+
+
+def _specimen(
+    recording: Recording, law: SpecimenFit, evidence: Evidence
+) -> tuple[SpecimenSignal, tuple[SpecimenFinding, ...]]:
+    """The specimen's signal with the effects that it shows by itself."""
+    assert recording.specimen is not None
+    signal = SpecimenSignal.of(recording.specimen, law.noise_fraction)
+    test = SpecimenTest(signal.stress_pa, signal.resistance_ohm_sq, signal.time_s)
+    findings, scatter = specimen_findings(test, evidence.criteria)
+    effects = tuple(finding.effect for finding in findings)
+    return replace(signal, noise_fraction=scatter, effects=effects), tuple(findings)
+
+
 def _force_stage(
-    evidence: Evidence, support: float, error: float, noise_n: float
+    evidence: Evidence, support: IndenterSupport, noise_n: float
 ) -> tuple[ForceFit | None, ForceFit | None]:
+    stiff, error = UNYIELDING
+    if np.isfinite(support.stiffness_n_per_m):
+        stiff = support.stiffness_n_per_m
+        error = max(support.standard_error_n_per_m / stiff, 1e-5)
     foam_m = evidence.sensor.layers[0].thickness_m
-    stiff = support if np.isfinite(support) else 1e9
     data = ForceData(evidence.history, noise_n, stiff, error, foam_m)
     if data.used.sum() < 20:
         return None, None
