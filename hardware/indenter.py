@@ -110,7 +110,7 @@ class Indenter:
 
     def go(self, x_m: float, y_m: float, z_m: float, speed_m_s: float) -> None:
         """Move straight to a place in the stage's frame, listening all the way."""
-        high = z_m >= self._travel_z_m - 1e-6
+        high = z_m >= self.travel_z_m - 1e-6
         if not high:
             self._note_lowered(True)
         seconds = self.rig.stage.start_move(np.array([x_m, y_m, z_m]), speed_m_s)
@@ -126,15 +126,15 @@ class Indenter:
     def lift(self) -> None:
         """Straight up to the height for travelling."""
         x, y, z = self.rig.stage.position_m()
-        if z < self._travel_z_m - 1e-6:
-            self.go(x, y, self._travel_z_m, self.rig.limits.travel_speed_m_s)
+        if z < self.travel_z_m - 1e-6:
+            self.go(x, y, self.travel_z_m, self.rig.limits.travel_speed_m_s)
         self._note_lowered(False)
 
     def above(self, contact_m: tuple[float, float]) -> None:
         """To the height for travelling above a place of the sheet."""
         self.lift()
         x, y = self._stage_xy(contact_m)
-        self.go(x, y, self._travel_z_m, self.rig.limits.travel_speed_m_s)
+        self.go(x, y, self.travel_z_m, self.rig.limits.travel_speed_m_s)
 
     def approach(self, contact_m: tuple[float, float]) -> None:
         """Down to just above the surface, where the travelling speed ends."""
@@ -208,10 +208,10 @@ class Indenter:
             self.rig.stage.raise_by(height, limits.travel_speed_m_s)
             return
         x, y, z = self.rig.stage.position_m()
-        if z >= self._travel_z_m - 1e-6:
+        if z >= self.travel_z_m - 1e-6:
             return
         # The load cell may be what failed: this move must not depend on it.
-        seconds = self.rig.stage.start_move(np.array([x, y, self._travel_z_m]), limits.travel_speed_m_s)
+        seconds = self.rig.stage.start_move(np.array([x, y, self.travel_z_m]), limits.travel_speed_m_s)
         deadline = self._clock.now() + seconds + MOVE_SLACK_S
         while self.rig.stage.moving():
             if self._clock.now() > deadline:
@@ -225,7 +225,8 @@ class Indenter:
         self.rig.tell_lowered(lowered)
 
     @property
-    def _travel_z_m(self) -> float:
+    def travel_z_m(self) -> float:
+        """The height for travelling, in the stage's frame."""
         return min(self.surface_z_m + self.rig.limits.clearance_m, self.rig.stage.travel.high_m[2])
 
     def _trusted(self) -> bool:

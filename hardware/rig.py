@@ -22,11 +22,16 @@ from ertskin.physics.protocol import Protocol
 from ertskin.physics.sensor import Sensor
 
 T = TypeVar("T")
+LEAST_HANG_S = 5.0
+"""A recording gives a sign of life every second; on a busy machine one may come late."""
 
 
 @dataclass(frozen=True)
 class Limits:
-    """What stops a recording. Forces in newton, lengths in metres, speeds in metres a second."""
+    """What stops a recording. Forces in newton, lengths in metres, speeds in metres a second.
+
+    ``hang_s``: seconds without a sign of life, the indenter down, after which the recording counts as hung.
+    """
 
     force_n: float = 15.0
     depth_m: float = 4.5e-3
@@ -37,6 +42,11 @@ class Limits:
     clearance_m: float = 0.01
     travel_speed_m_s: float = 0.02
     touch_speed_m_s: float = 5e-4
+    hang_s: float = 60.0
+
+    def __post_init__(self) -> None:
+        if not self.hang_s >= LEAST_HANG_S:
+            raise RigError(f"limits.hang_s: found {self.hang_s:g} s, expected at least {LEAST_HANG_S:g} s")
 
 
 @dataclass(frozen=True)

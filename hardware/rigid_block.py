@@ -38,7 +38,8 @@ def press_rigid_block(
             begin = indenter.rig.clock.now()
             indenter.listen(settle_s)
             forces.append(mean_force_n(list(indenter.samples), begin, indenter.rig.clock.now()))
-        indenter.go(x, y, travel_z, limits.travel_speed_m_s)
+        # As high as the skin needs, too: somebody may be asked to change the wiring next.
+        indenter.go(x, y, max(travel_z, indenter.travel_z_m), limits.travel_speed_m_s)
     except BaseException:
         indenter.retract()
         raise

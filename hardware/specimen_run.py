@@ -60,7 +60,8 @@ def press_specimen(indenter: Indenter, setup: SpecimenSetup) -> Specimen:
             for depth in np.concatenate([ramp, ramp[-2::-1]]):
                 indenter.go(x, y, surface - float(depth), limits.touch_speed_m_s)
                 rows.append((*_row(indenter, setup, begin_s), cycle))
-        indenter.go(x, y, travel_z, limits.travel_speed_m_s)
+        # As high as the skin needs, too: somebody may be asked to change the wiring next.
+        indenter.go(x, y, max(travel_z, indenter.travel_z_m), limits.travel_speed_m_s)
     except BaseException:
         indenter.retract()
         raise

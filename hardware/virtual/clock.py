@@ -7,7 +7,7 @@ import select
 import time
 from typing import Protocol
 
-from ertskin.hardware.clock import Readable
+from ertskin.hardware.clock import Readable, unheard
 
 STUCK_S = 2.0
 """Real seconds after which bytes under way count as lost."""
@@ -39,6 +39,7 @@ class VirtualClock:
     """
 
     def __init__(self, start_s: float = 0.0) -> None:
+        self.sign_of_life = unheard
         self._now_s = start_s
         self._devices: list[Device] = []
         self._wrote: dict[str, int] = {}
@@ -54,6 +55,7 @@ class VirtualClock:
 
     def now(self) -> float:
         """Seconds."""
+        self.sign_of_life()
         return self._now_s
 
     def sleep(self, seconds: float) -> None:

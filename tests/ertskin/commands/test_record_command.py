@@ -247,6 +247,34 @@ def test_a_stage_silent_from_the_start_is_refused_within_seconds(
     assert "press" not in ended.stderr
 
 
+def test_hung_while_it_presses_and_gone_on_with(desk: tuple[VirtualBench, list[str]], tmp_path: Path) -> None:
+    bench, rig = desk
+    out = tmp_path / "a.h5"
+    limits = "rig.limits={travel_speed_m_s: 0.3, approach_m: 1.0e-4, touch_speed_m_s: 5.0e-3, hang_s: 5.0}"
+    told = ["rig=grbl_hx711", *(word for word in rig if not word.startswith("rig.limits")), limits]
+    ramp = "{depth_m: 1.0e-3, step_m: 1.0e-3, hold_frames: 6}"
+    plan = ["plan=listed", f"plan.presses=[{{contact_m: [0.03, 0.05], rest_s: 0.1, speed_m_s: 5.0e-3, ramp: {ramp}}}]"]
+    command = [sys.executable, "-m", "ertskin.cli", "record", *plan, f"recording={out}", *told]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    deadline = time.monotonic() + 60.0
+    while bench.world.depth_m(bench.clock.now()) < 8e-4:
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+    process.send_signal(signal.SIGSTOP)
+    said = process.communicate(timeout=90.0)[1]
+    assert process.returncode in (128 + signal.SIGTERM, -signal.SIGKILL)
+    assert "ertskin: the recording hangs (no sign of life for 5 s while the stage may press)" in said
+    assert said.endswith("the stage is up\n")
+    assert bench.world.depth_m(bench.clock.now()) < 0.0
+    gone_on = subprocess.run(command, capture_output=True, text=True, timeout=90.0)
+    assert gone_on.returncode == 0, gone_on.stderr
+    assert "going on at press 1 of 1" in gone_on.stdout
+    assert (tmp_path / "a.press_0_cut_off_1.h5").exists()
+    frames = read_recording(out).frames
+    assert frames is not None
+    assert list(np.bincount(frames.history.press)) == [10, 1]
+
+
 def test_a_stage_that_refuses_while_it_presses_costs_one_press(
     desk: tuple[VirtualBench, list[str]], tmp_path: Path
 ) -> None:
