@@ -81,7 +81,9 @@ class Guardian:
         if not self.down or time.monotonic() < self._said_s + SIGN_S or threading.get_ident() != self._thread:
             return
         if self._process.poll() is not None:
-            self._process = self._begun()
+            # A machine that can't begin another just now must not keep the stage from being raised.
+            with suppress(OSError):
+                self._process = self._begun()
         self._say(DOWN)
 
     def hand_over(self) -> bool:
@@ -106,6 +108,7 @@ class Guardian:
             command, bufsize=0, stdin=subprocess.PIPE, start_new_session=True, creationflags=group
         )
         assert process.stdin is not None
+        # Who guards and hangs must not hold up the recording.
         if POSIX:
             os.set_blocking(process.stdin.fileno(), False)
         return process

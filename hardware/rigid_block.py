@@ -26,7 +26,9 @@ def press_rigid_block(
     limits = indenter.rig.limits
     try:
         indenter.lift()
-        travel_z = min(z + limits.clearance_m, indenter.rig.stage.travel.high_m[2])
+        # Down and up, for who guards and on the way out of trouble, count from what is pressed.
+        skin_z, indenter.surface_z_m = indenter.surface_z_m, z
+        travel_z = indenter.travel_z_m
         indenter.go(x, y, max(travel_z, float(indenter.rig.stage.position_m()[2])), limits.travel_speed_m_s)
         indenter.check_zero()
         indenter.go(x, y, z + limits.approach_m, limits.travel_speed_m_s)
@@ -38,7 +40,7 @@ def press_rigid_block(
             begin = indenter.rig.clock.now()
             indenter.listen(settle_s)
             forces.append(mean_force_n(list(indenter.samples), begin, indenter.rig.clock.now()))
-        # As high as the skin needs, too: somebody may be asked to change the wiring next.
+        indenter.surface_z_m = skin_z
         indenter.go(x, y, max(travel_z, indenter.travel_z_m), limits.travel_speed_m_s)
     except BaseException:
         indenter.retract()

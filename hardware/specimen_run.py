@@ -47,7 +47,9 @@ def press_specimen(indenter: Indenter, setup: SpecimenSetup) -> Specimen:
     limits = rig.limits
     try:
         indenter.lift()
-        travel_z = min(z + limits.clearance_m, rig.stage.travel.high_m[2])
+        # Down and up, for who guards and on the way out of trouble, count from what is pressed.
+        skin_z, indenter.surface_z_m = indenter.surface_z_m, z
+        travel_z = indenter.travel_z_m
         indenter.go(x, y, max(travel_z, float(rig.stage.position_m()[2])), limits.travel_speed_m_s)
         indenter.check_zero()
         indenter.go(x, y, z + limits.approach_m, limits.travel_speed_m_s)
@@ -60,7 +62,7 @@ def press_specimen(indenter: Indenter, setup: SpecimenSetup) -> Specimen:
             for depth in np.concatenate([ramp, ramp[-2::-1]]):
                 indenter.go(x, y, surface - float(depth), limits.touch_speed_m_s)
                 rows.append((*_row(indenter, setup, begin_s), cycle))
-        # As high as the skin needs, too: somebody may be asked to change the wiring next.
+        indenter.surface_z_m = skin_z
         indenter.go(x, y, max(travel_z, indenter.travel_z_m), limits.travel_speed_m_s)
     except BaseException:
         indenter.retract()

@@ -50,6 +50,7 @@ def test_a_description_that_makes_no_sense_is_told_in_a_line() -> None:
         ("stage", {"travel_low_m": None}, "stage"),
         ("load_cell", {"layout": "prose"}, "prose"),
         ("ert_reader", {"driver": "eit_kit"}, "28 x 8"),
+        ("limits", {"hang_s": 1.0}, "limits.hang_s: found 1 s, expected at least 5 s"),
     ):
         fields = {**bench.fields, part: {**bench.fields[part], **changed}}
         with pytest.raises(RigError, match=told):

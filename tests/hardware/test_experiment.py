@@ -77,6 +77,33 @@ def test_rigid_block_gives_the_supports_stiffness() -> None:
     bench.close()
 
 
+@pytest.mark.parametrize("higher_m", [-5e-3, 20e-3])
+@pytest.mark.parametrize("what", ["block", "specimen"])
+def test_who_guards_knows_when_a_block_or_specimen_of_another_height_is_pressed(what: str, higher_m: float) -> None:
+    bench = bench_of(block_stiffness_n_per_m=9e3, pair=StraightPair())
+    x, y, z = bench.fields["geometry"]["origin_m"]
+    bench.fields["geometry"]["origin_m"] = (x, y, z - higher_m)
+    told: list[tuple[bool, float]] = []
+    indenter = Indenter(bench.open())
+    indenter.rig.tell_lowered = lambda lowered: told.append((lowered, deepest_m(bench)))
+    indenter.ready()
+    indenter.zero()
+    told.clear()
+    if what == "block":
+        press_rigid_block(indenter, depth_m=2e-4)
+    else:
+        bench.wire_specimen(True)
+        press_specimen(indenter, SpecimenSetup(PLATE_M2, steps=2, cycles=1))
+    downs = [lowered for lowered, _ in told]
+    assert True in downs
+    assert told[downs.index(True)][1] < 0.0
+    assert not downs[-1]
+    assert told[-1][1] < -5e-3
+    assert indenter.surface_z_m == pytest.approx(z - higher_m)
+    indenter.retract()
+    bench.close()
+
+
 def test_weights_are_asked_for_and_kept_apart(tmp_path: Path) -> None:
     bench = bench_of()
     plan = two_point_test(bench.world.skin.sensor.taxel_m, [(0, 8), (1, 7)])
