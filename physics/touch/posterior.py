@@ -39,20 +39,21 @@ APART_M = 8e-3
 
 
 @njit(cache=True, nogil=True)
-def linearised(touch, spline, added, spread, predicted, slope, nuisance):  # type: ignore[no-untyped-def]
-    """Fill prediction (D,), slopes (D,3C) by x, y and log force, possible errors (D,3C) for contacts (C,3) that add
-    ``added`` (D,) together."""
-    rows = np.empty((7, len(predicted)))
+def linearised(touch, spline, added, spread, predicted, rows):  # type: ignore[no-untyped-def]
+    """Fill prediction (D,) and ``rows`` (6C,D) for contacts (C,3) that add ``added`` (D,) together: first the possible
+    errors of all contacts, three each, then their slopes by x, y and log force."""
+    tangents = np.empty((7, len(predicted)))
+    slopes = NUISANCES * len(touch)
     predicted[:] = added
     for c in range(len(touch)):
-        tangents_at(spline[0], spline[1], spline[2], spline[3], touch[c, 0], touch[c, 1], touch[c, 2], rows)
-        predicted += rows[0]
-        for k in range(2):
-            slope[:, 3 * c + k] = rows[1 + k]
-        slope[:, 3 * c + 2] = touch[c, 2] * rows[3]
-        across(rows)
+        tangents_at(spline[0], spline[1], spline[2], spline[3], touch[c, 0], touch[c, 1], touch[c, 2], tangents)
+        predicted += tangents[0]
+        rows[slopes + 3 * c] = tangents[1]
+        rows[slopes + 3 * c + 1] = tangents[2]
+        rows[slopes + 3 * c + 2] = touch[c, 2] * tangents[3]
+        across(tangents)
         for k in range(NUISANCES):
-            nuisance[:, NUISANCES * c + k] = spread[k] * SHAPE_M**2 * rows[4 + k]
+            rows[NUISANCES * c + k] = spread[k] * SHAPE_M**2 * tangents[4 + k]
 
 
 @njit(cache=True, nogil=True)
@@ -60,11 +61,14 @@ def across(rows):  # type: ignore[no-untyped-def]
     """Leave of each of the ``TANGENTS`` (7,D) from force and place on what lies across those before (Gram-Schmidt)."""
     order = (3, 1, 2, 4, 5, 6)
     for k in range(1, len(order)):
+        row = rows[order[k]]
         for before in range(k):
             one = rows[order[before]]
             square = one @ one
             if square > 0.0:
-                rows[order[k]] -= ((rows[order[k]] @ one) / square) * one
+                share = (row @ one) / square
+                for d in range(len(row)):
+                    row[d] -= share * one[d]
 
 
 @njit(cache=True, nogil=True)
@@ -84,19 +88,40 @@ def _moved(touch, before):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def weighed(residual, slope, nuisance, variance):  # type: ignore[no-untyped-def]
-    """Misfit, gradient (n,), curvature (n,n) and log determinant of the covariance, the errors integrated out."""
-    inner = nuisance.T @ nuisance
-    for k in range(len(inner)):
-        inner[k, k] += variance
-    by_residual = nuisance.T @ residual
-    by_slope = nuisance.T @ slope
-    solved = np.linalg.solve(inner, by_residual)
-    misfit = (residual @ residual - by_residual @ solved) / variance
-    gradient = (slope.T @ residual - by_slope.T @ solved) / variance
-    curvature = (slope.T @ slope - by_slope.T @ np.linalg.solve(inner, by_slope)) / variance
-    _, logarithm = np.linalg.slogdet(inner / variance)
-    return misfit, gradient, curvature, logarithm + len(residual) * np.log(variance)
+def weighed(rows, variance):  # type: ignore[no-untyped-def]
+    """Misfit, gradient (n,), curvature (n,n) and log determinant of the covariance, the errors integrated out.
+
+    ``rows`` (2n+1,D): possible errors, slopes, residual. Elimination of the errors from the symmetric matrix of all
+    their products, the noise's variance on its diagonal, leaves what is wanted of the others.
+    """
+    products = rows @ rows.T
+    last = len(rows) - 1
+    errors = last // 2
+    logarithm = rows.shape[1] * np.log(variance)
+    for k in range(errors):
+        products[k, k] += variance
+        logarithm += np.log(products[k, k] / variance)
+        eliminate(products, k)
+    for i in range(errors, len(rows)):
+        for j in range(i, len(rows)):
+            products[i, j] /= variance
+            products[j, i] = products[i, j]
+    return (
+        products[last, last],
+        products[errors:last, last].copy(),
+        products[errors:last, errors:last].copy(),
+        logarithm,
+    )
+
+
+@njit(cache=True, nogil=True)
+def eliminate(matrix, k):  # type: ignore[no-untyped-def]
+    """Eliminate unknown ``k``, all before it being gone, from symmetric equations of which the upper half is kept."""
+    first = matrix[k]
+    for i in range(k + 1, len(matrix)):
+        share, row = first[i] / first[k], matrix[i]
+        for j in range(i, len(matrix)):
+            row[j] -= share * first[j]
 
 
 @njit(cache=True, nogil=True)
@@ -119,12 +144,10 @@ def descended(reading, start, spline, cells, spread, remainder, low, high):  # t
     """
     count, width = len(start), len(reading)
     touch = start.copy()
-    predicted, slope = np.empty(width), np.empty((width, 3 * count))
-    nuisance = np.empty((width, NUISANCES * count))
+    predicted, rows = np.empty(width), np.empty((2 * NUISANCES * count + 1, width))
     added, known = added_by(touch, cells, width), touch
-    linearised(touch, spline, added, spread, predicted, slope, nuisance)
-    variance = 1.0 + remainder**2 * (predicted @ predicted) / width
-    misfit, gradient, curvature, logarithm = weighed(reading - predicted, slope, nuisance, variance)
+    variance = _compared(reading, touch, spline, added, spread, remainder, predicted, rows)
+    misfit, gradient, curvature, logarithm = weighed(rows, variance)
     damping = DAMPING
     for _ in range(STEPS):
         damped = curvature.copy()
@@ -139,9 +162,8 @@ def descended(reading, start, spline, cells, spread, remainder, low, high):  # t
                 tried[c, k] = min(max(moved, low[k]), high[k])
             stronger = touch[c, 2] * np.exp(min(max(step[3 * c + 2], -1.0), 1.0))
             tried[c, 2] = min(max(stronger, low[2]), high[2])
-        linearised(tried, spline, added, spread, predicted, slope, nuisance)
-        also = 1.0 + remainder**2 * (predicted @ predicted) / width
-        found = weighed(reading - predicted, slope, nuisance, also)
+        also = _compared(reading, tried, spline, added, spread, remainder, predicted, rows)
+        found = weighed(rows, also)
         before, after = misfit + logarithm, found[0] + found[3]
         if after < before:
             touch, misfit, gradient, curvature, logarithm = tried, found[0], found[1], found[2], found[3]
@@ -149,9 +171,8 @@ def descended(reading, start, spline, cells, spread, remainder, low, high):  # t
             settled = before - after < CONVERGED
             if count > 1 and _moved(touch, known) > (SETTLED if settled else 1.0):
                 added, known = added_by(touch, cells, width), touch
-                linearised(touch, spline, added, spread, predicted, slope, nuisance)
-                variance = 1.0 + remainder**2 * (predicted @ predicted) / width
-                misfit, gradient, curvature, logarithm = weighed(reading - predicted, slope, nuisance, variance)
+                variance = _compared(reading, touch, spline, added, spread, remainder, predicted, rows)
+                misfit, gradient, curvature, logarithm = weighed(rows, variance)
             elif settled:
                 break
         else:
@@ -159,6 +180,14 @@ def descended(reading, start, spline, cells, spread, remainder, low, high):  # t
             if damping > 1e6:
                 break
     return touch, misfit, curvature, logarithm
+
+
+@njit(cache=True, nogil=True)
+def _compared(reading, touch, spline, added, spread, remainder, predicted, rows):  # type: ignore[no-untyped-def]
+    """``linearised``, with the residual (D,) in the last of ``rows``; the variance of the noise with ``remainder``."""
+    linearised(touch, spline, added, spread, predicted, rows)
+    rows[-1] = reading - predicted
+    return 1.0 + remainder**2 * (predicted @ predicted) / len(reading)
 
 
 @njit(cache=True, nogil=True)

@@ -272,9 +272,8 @@ def next_contacts(reading, now, model, scan, starts):  # type: ignore[no-untyped
     places, responses, squares = scan[:3]
     left = reading.copy()
     if len(now):
-        predicted, slope = np.empty(len(reading)), np.empty((len(reading), 3 * len(now)))
-        nuisance = np.empty((len(reading), NUISANCES * len(now)))
-        linearised(now, model[0], added_by(now, model[1], len(reading)), model[2], predicted, slope, nuisance)
+        predicted, rows = np.empty(len(reading)), np.empty((2 * NUISANCES * len(now), len(reading)))
+        linearised(now, model[0], added_by(now, model[1], len(reading)), model[2], predicted, rows)
         left -= predicted
     remains = squares - 2.0 * (responses @ left)
     chosen = np.empty((starts, 3))

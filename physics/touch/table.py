@@ -154,30 +154,42 @@ def _splined(grid: TouchGrid, values: Array) -> tuple[Array, tuple[Array, Array,
 
 @njit(cache=True, nogil=True)
 def tangents_at(knots_x, knots_y, knots_n, response, x, y, force, out):  # type: ignore[no-untyped-def]
-    """Fill ``out`` (7,D) with a single contact's response and its derivatives."""
+    """Fill ``out`` (7,D) with a single contact's response and its derivatives: summed over forces, then y, then x."""
     bx, by, bf = np.empty((3, 4)), np.empty((3, 4)), np.empty((3, 4))
     i, j, k = basis(knots_x, x, bx), basis(knots_y, y, by), basis(knots_n, force, bf)
+    along = np.empty((4, out.shape[1]))
     out[:] = 0.0
     for a in range(4):
+        along[:] = 0.0
         for b in range(4):
-            for c in range(4):
-                row = response[i + a, j + b, k + c]
-                w0 = bx[0, a] * by[0, b] * bf[0, c]
-                w1 = bx[1, a] * by[0, b] * bf[0, c]
-                w2 = bx[0, a] * by[1, b] * bf[0, c]
-                w3 = bx[0, a] * by[0, b] * bf[1, c]
-                w4 = bx[2, a] * by[0, b] * bf[0, c]
-                w5 = bx[0, a] * by[2, b] * bf[0, c]
-                w6 = bx[1, a] * by[1, b] * bf[0, c]
-                for d in range(row.shape[0]):
-                    value = row[d]
-                    out[0, d] += w0 * value
-                    out[1, d] += w1 * value
-                    out[2, d] += w2 * value
-                    out[3, d] += w3 * value
-                    out[4, d] += w4 * value
-                    out[5, d] += w5 * value
-                    out[6, d] += w6 * value
+            _over_forces(response[i + a, j + b, k : k + 4], bf, by[:, b], along)
+        value, by_y, by_yy, by_force = along[0], along[1], along[2], along[3]
+        x0, x1, x2 = bx[0, a], bx[1, a], bx[2, a]
+        for d in range(len(value)):
+            out[0, d] += x0 * value[d]
+            out[1, d] += x1 * value[d]
+            out[2, d] += x0 * by_y[d]
+            out[3, d] += x0 * by_force[d]
+            out[4, d] += x2 * value[d]
+            out[5, d] += x0 * by_yy[d]
+            out[6, d] += x1 * by_y[d]
+
+
+@njit(cache=True, nogil=True)
+def _over_forces(rows, bf, by, along):  # type: ignore[no-untyped-def]
+    """Add to ``along`` (4,D) one place's part in the response, its slope and second derivative by y, its slope by
+    force."""
+    r0, r1, r2, r3 = rows[0], rows[1], rows[2], rows[3]
+    f0, f1, f2, f3 = bf[0, 0], bf[0, 1], bf[0, 2], bf[0, 3]
+    g0, g1, g2, g3 = bf[1, 0], bf[1, 1], bf[1, 2], bf[1, 3]
+    y0, y1, y2 = by[0], by[1], by[2]
+    a0, a1, a2, a3 = along[0], along[1], along[2], along[3]
+    for d in range(len(a0)):
+        value = f0 * r0[d] + f1 * r1[d] + f2 * r2[d] + f3 * r3[d]
+        a0[d] += y0 * value
+        a1[d] += y1 * value
+        a2[d] += y2 * value
+        a3[d] += y0 * (g0 * r0[d] + g1 * r1[d] + g2 * r2[d] + g3 * r3[d])
 
 
 @njit(cache=True, nogil=True)
@@ -191,11 +203,12 @@ def all_tangents(knots_x, knots_y, knots_n, response, touch, out):  # type: igno
 def added_together(touch, knots_x, knots_y, knots_n, cell_s, center_m, reach_m, field, green, area_m2, read):  # type: ignore[no-untyped-def]
     """(D,) what contacts (C,3) add to the sum of what each does alone."""
     cells = np.empty(len(touch) * len(center_m), dtype=np.int64)
-    change, owner = np.empty(len(cells)), np.empty(len(cells), dtype=np.int64)
-    n = 0
+    change, begin = np.empty(len(cells)), np.zeros(len(touch) + 1, dtype=np.int64)
     for c in range(len(touch)):
-        n = _pressed_cells(touch[c], c, n, cells, change, owner, knots_x, knots_y, knots_n, cell_s, center_m, reach_m)
-    transfer = interplay_ohm(field, green, area_m2, cells[:n], change[:n], owner[:n])
+        begin[c + 1] = _pressed_cells(
+            touch[c], begin[c], cells, change, knots_x, knots_y, knots_n, cell_s, center_m, reach_m
+        )
+    transfer = interplay_ohm(field, green, area_m2, cells, change, begin)
     electrodes = len(transfer)
     total = np.zeros(read.shape[1])
     pair = 0
@@ -216,25 +229,27 @@ def all_together(touch, present, rows, cells, total):  # type: ignore[no-untyped
 
 
 @njit(cache=True, nogil=True)
-def _pressed_cells(touch, contact, n, cells, change, owner, knots_x, knots_y, knots_n, cell_s, center_m, reach_m):  # type: ignore[no-untyped-def]
-    """Append the cells a contact presses from place ``n`` on; where the next contact's begin."""
+def _pressed_cells(touch, first, cells, change, knots_x, knots_y, knots_n, cell_s, center_m, reach_m):  # type: ignore[no-untyped-def]
+    """Append the cells a contact presses from place ``first`` on; where the next contact's begin."""
     bx, by, bf = np.empty((3, 4)), np.empty((3, 4)), np.empty((3, 4))
     i, j, k = basis(knots_x, touch[0], bx), basis(knots_y, touch[1], by), basis(knots_n, touch[2], bf)
-    first, largest = n, 0.0
+    n = first
     for cell in range(len(center_m)):
-        if (center_m[cell, 0] - touch[0]) ** 2 + (center_m[cell, 1] - touch[1]) ** 2 > reach_m**2:
-            continue
-        total = 0.0
-        for a in range(4):
-            for b in range(4):
-                for c in range(4):
-                    total += bx[0, a] * by[0, b] * bf[0, c] * cell_s[i + a, j + b, k + c, cell]
-        cells[n], change[n], owner[n] = cell, total, contact
-        largest = max(largest, abs(total))
-        n += 1
+        if (center_m[cell, 0] - touch[0]) ** 2 + (center_m[cell, 1] - touch[1]) ** 2 <= reach_m**2:
+            cells[n], change[n] = cell, 0.0
+            n += 1
+    for a in range(4):
+        for b in range(4):
+            for c in range(4):
+                weight, row = bx[0, a] * by[0, b] * bf[0, c], cell_s[i + a, j + b, k + c]
+                for m in range(first, n):
+                    change[m] += weight * row[cells[m]]
+    largest = 0.0
+    for m in range(first, n):
+        largest = max(largest, abs(change[m]))
     kept = first
     for m in range(first, n):
-        if abs(change[m]) >= LEAST_CELL * largest:
-            cells[kept], change[kept], owner[kept] = cells[m], change[m], contact
+        if abs(change[m]) > LEAST_CELL * largest:
+            cells[kept], change[kept] = cells[m], change[m]
             kept += 1
     return kept

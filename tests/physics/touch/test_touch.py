@@ -12,7 +12,7 @@ from toy_skin import EXTENT_M, response, toy_table
 
 from ertskin.physics.conduction.sheet import SheetModel
 from ertskin.physics.sensor import Sensor
-from ertskin.physics.touch.interplay import Interplay
+from ertskin.physics.touch.interplay import Interplay, pair_change
 from ertskin.physics.touch.search import TouchPosterior
 from ertskin.physics.touch.spline import basis, coefficients
 
@@ -71,6 +71,22 @@ def test_cells_tell_what_two_pressed_places_do_together(sheet, apart_m):
         change.append(1.0 / 18e3 * np.exp(-0.5 * away2[near] / 5e-3**2))
     error = inter.change_ohm(cells, change) - added
     assert np.linalg.norm(error) < 0.25 * np.linalg.norm(added)
+
+
+def test_what_contacts_add_together_is_that_of_all_equations_less_each_contacts_own(sheet):
+    inter = Interplay.of(sheet.solve(sheet.uniform(18e3), np.full(8, 300.0)), 4e-3)
+    cells = [np.array([60, 61, 62]), np.array([90, 91, 92, 93, 94]), np.array([60, 120])]
+    change = [np.array([3e-5, 1e-4, -2e-6]), np.full(5, 5e-5), np.array([2e-5, 4e-5])]
+
+    def answered(some):
+        at, change_s = np.concatenate([cells[c] for c in some]), np.concatenate([change[c] for c in some])
+        strength = np.repeat(inter.area_m2[at] * change_s, 2)
+        green = inter.green[at][:, :, at].reshape(len(strength), -1)
+        field = inter.field[at].reshape(len(strength), -1)
+        return (field.T * strength) @ np.linalg.solve(np.eye(len(strength)) + green * strength, field)
+
+    direct = sum(answered([c]) for c in range(3)) - answered([0, 1, 2])
+    np.testing.assert_allclose(inter.change_ohm(cells, change), pair_change(direct), atol=1e-9 * np.abs(direct).max())
 
 
 @pytest.fixture(scope="module")
