@@ -108,7 +108,7 @@ class Effect:
         return {}
 
     def map_at(self, position_m: Array, extent_m: Array) -> Array | None:
-        """(N,) the property's field at positions (N,2) of a sheet in the box ``extent_m`` (2,2), where it has one."""
+        """(N,) logarithm of a property's factor at positions (N,2) of a sheet in the box ``extent_m`` (2,2), if any."""
         return None
 
     @classmethod

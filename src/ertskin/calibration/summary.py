@@ -11,6 +11,7 @@ from ertskin.calibration.model_error import ModelError
 from ertskin.calibration.result import Calibration
 from ertskin.physics.calibration.contact_resistance import ContactFit
 from ertskin.physics.calibration.rest_frames import RestScan
+from ertskin.report.words import name_in_words
 
 
 def print_summary(console: Console, calibration: Calibration, fits: Fits, error: ModelError | None) -> None:
@@ -19,15 +20,16 @@ def print_summary(console: Console, calibration: Calibration, fits: Fits, error:
     if fits.support is not None:
         table.add_row(
             "indenter support",
-            f"{fits.support.stiffness_n_per_m:.0f} ± {fits.support.standard_error_n_per_m:.0f} N/m",
+            f"{fits.support.stiffness_n_per_m:.0f} ± {fits.support.standard_error_n_per_m:.2g} N/m",
         )
     if fits.moduli is not None:
         table.add_row(
             "pad stiffness",
-            f"{fits.moduli.stiffness_n_per_m:.0f} ± {fits.moduli.stiffness_standard_error_n_per_m:.0f} N/m, "
+            f"{fits.moduli.stiffness_n_per_m:.0f} ± {fits.moduli.stiffness_standard_error_n_per_m:.2g} N/m, "
             f"depth misfit {1e6 * fits.moduli.depth_rms_m:.0f} µm rms",
         )
-        moduli = ", ".join(f"{n} {e:.4g} Pa" for n, e in zip(fits.moduli.names, fits.moduli.moduli_pa, strict=True))
+        found = zip(fits.moduli.names, fits.moduli.moduli_pa, strict=True)
+        moduli = ", ".join(f"{name_in_words(name)} {1e-3 * modulus_pa:.4g} kPa" for name, modulus_pa in found)
         table.add_row("moduli", f"{moduli} (force and depth fix one combination)")
     if fits.specimen is not None:
         table.add_row(
@@ -63,7 +65,7 @@ def _noise(rest: RestScan) -> str:
 
 def _contact_rows(table: Table, fit: ContactFit) -> None:
     table.add_row(
-        fit.method.replace("_", " "),
+        f"contacts, {name_in_words(fit.method)}",
         f"sheet {fit.sheet_resistance_ohm_sq:.1f} ± {fit.sheet_standard_error_ohm_sq:.1f} Ω/sq, rest readings "
         f"{1e3 * fit.rms_before_v:.1f} -> {1e3 * fit.rms_after_v:.3f} mV rms, "
         f"{fit.evaluations} evaluations, {fit.seconds:.2f} s",

@@ -14,6 +14,21 @@ def words_of(name: str) -> str:
     return name.replace("_", " ")
 
 
+def name_in_words(name: str) -> str:
+    """A name without a unit, a layer's for one, as words."""
+    return name.replace("_", " ")
+
+
+def force_in_words(force_n: float) -> str:
+    """A force in newton, in millinewton where it is small."""
+    return f"{force_n:.3g} N" if abs(force_n) >= 0.1 else f"{1e3 * force_n:.3g} mN"
+
+
+def chance_in_words(chance: float) -> str:
+    """A probability; one that is too small for a number is none."""
+    return f"{chance:.2g}" if chance > 0 else "< 1e-300"
+
+
 def interval(value: float, low: float, high: float, unit: str) -> str:
     """A value with its interval, in the unit people use."""
     factor, shown = SCALED.get(unit, (1.0, "" if unit == "1" else unit))

@@ -108,6 +108,11 @@ class Claim:
     quantities: dict[str, Estimate] = field(default_factory=dict)
     field_map: FieldMap | None = None
 
+    @property
+    def shown(self) -> dict[str, Estimate]:
+        """The parameters; of an effect that is a field alone, its quantities."""
+        return self.parameters or self.quantities
+
     def plain(self) -> dict[str, Any]:
         """As ``diagnosis.json`` wants it."""
         return {

@@ -39,9 +39,9 @@ def axis_tests(residual: Array, history: History, protocol: Protocol) -> list[Ax
     edges = np.quantile(force[touched], [0, 0.25, 0.5, 0.75, 1.0])
     band = np.clip(np.searchsorted(edges, force, side="right") - 1, 0, 3)
     quarter = np.clip((4 * np.arange(len(history))) // max(len(history), 1), 0, 3)
-    place = np.unique(np.round(np.nan_to_num(history.contact_m[:, 0], nan=-1.0), 4), axis=0, return_inverse=True)[
-        1
-    ].ravel()
+    place_m, place = np.unique(
+        np.round(np.nan_to_num(history.contact_m[:, 0], nan=-1.0), 4), axis=0, return_inverse=True
+    )
     tests = [
         _groups(
             "force",
@@ -49,11 +49,11 @@ def axis_tests(residual: Array, history: History, protocol: Protocol) -> list[Ax
             width,
             band,
             touched,
-            [f"{a:.2g}-{b:.2g} N" for a, b in itertools.pairwise(edges)],
+            [f"{a:.2g} to {b:.2g} N" for a, b in itertools.pairwise(edges)],
         ),
         _groups("history", energy, width, history.phase.astype(int), touched, ["rest", "loading", "hold", "unloading"]),
         _groups("time", energy, width, quarter, touched, ["first", "second", "third", "last quarter"]),
-        _groups("place", energy, width, place, touched, None),
+        _groups("place", energy, width, place.ravel(), touched, [_millimetres(at_m) for at_m in place_m]),
         _electrodes(residual[touched], protocol),
     ]
     return [AxisTest(t.axis, t.label, t.ratio, min(1.0, t.p_value * len(tests))) for t in tests]
@@ -66,8 +66,12 @@ def depends_on(tests: list[AxisTest], criteria: Criteria) -> list[str]:
     return [t.axis for t in sorted(uneven, key=lambda t: -max(t.ratio) / max(min(t.ratio), 1e-9))]
 
 
+def _millimetres(at_m: Array) -> str:
+    return "({:.4g}, {:.4g}) mm".format(*(1e3 * at_m))
+
+
 def _groups(
-    axis: str, energy: Array, width: int, group: NDArray[np.integer], used: NDArray[np.bool_], labels: list[str] | None
+    axis: str, energy: Array, width: int, group: NDArray[np.integer], used: NDArray[np.bool_], labels: list[str]
 ) -> AxisTest:
     """Chi-square of the groups' mean energies about their common mean, its spread taken from the frames themselves."""
     ratio, label, mean, weight = [], [], [], []
@@ -76,7 +80,7 @@ def _groups(
         if len(mine) < 2:
             continue
         ratio.append(float(np.sqrt(mine.mean() / width)))
-        label.append(labels[number] if labels is not None else str(number))
+        label.append(labels[number])
         mean.append(mine.mean())
         weight.append(len(mine) / max(mine.var(ddof=1), 2.0 * width))
     if len(mean) < 2:

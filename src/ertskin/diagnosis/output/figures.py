@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,6 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from ertskin.diagnosis.contract.claims import FieldMap
 from ertskin.diagnosis.judge.axis_tests import AxisTest
 from ertskin.diagnosis.judge.partial_result import Drawing, DrawnFindings
 from ertskin.diagnosis.judge.result import Findings
@@ -20,6 +21,7 @@ from ertskin.diagnosis.output.backprojection import backprojected
 from ertskin.report.figures.image import save_png
 from ertskin.report.figures.style import BLUE, ERROR_MAP, GREEN, INK, ORANGE, panels, styled
 from ertskin.report.figures.taxel_map import draw_taxels
+from ertskin.report.words import words_of
 
 Array = NDArray[np.float64]
 
@@ -54,6 +56,13 @@ def figures(findings: Findings) -> Iterator[Drawing]:
     """(title, caption, what draws it) of every figure the findings allow."""
     if isinstance(findings, DrawnFindings):
         yield from findings.drawings
+    if findings.evidence is not None and _mapped(findings):
+        yield (
+            "What was found over the sheet",
+            "By how much a property named differs from what it is elsewhere, as fitted; blank where the recording "
+            "doesn't tell. Small squares: electrodes.",
+            lambda: _fields(findings),
+        )
     evidence, held = findings.evidence, findings.held
     if evidence is not None and findings.residual_before is not None and held is not None:
         yield from _of_residuals(findings, np.asarray(evidence.history[held].touched.any(axis=1)))
@@ -71,7 +80,8 @@ def _of_residuals(findings: Findings, touched: NDArray[np.bool_]) -> Iterator[Dr
     if touched.any():
         yield (
             "Misfit over the sheet",
-            "Rms residual of held-out presses in units of the noise, by place, before and after. Dots: electrodes.",
+            "Rms residual of held-out presses in units of the noise, by place, before and after. "
+            "Small squares: electrodes.",
             lambda: _places(findings, touched),
         )
         yield (
@@ -83,7 +93,7 @@ def _of_residuals(findings: Findings, touched: NDArray[np.bool_]) -> Iterator[Dr
         yield (
             "Where the sheet would have to differ",
             "The mean misfit of held-out frames before, projected back on the resting sheet: the relative change of "
-            "conductance that would explain it best. Dots: electrodes.",
+            "conductance that would explain it best. Small squares: electrodes.",
             lambda: _projected(findings, touched),
         )
     if any(_by_electrode(tests) for tests in (findings.tests_before, findings.tests_after)):
@@ -127,7 +137,7 @@ def _sheet(axis: Axes, findings: Findings, title: str) -> None:
     sensor = findings.evidence.sensor
     axis.plot(*1e3 * np.vstack([sensor.outline_m, sensor.outline_m[:1]]).T, color=INK, lw=0.7)
     x_mm, y_mm = 1e3 * sensor.electrode_center_m.T
-    axis.scatter(x_mm, y_mm, s=6, color=INK)
+    axis.scatter(x_mm, y_mm, s=10, marker="s", facecolors="none", edgecolors=INK, linewidths=0.7)
     axis.autoscale_view()
     (left, low), (right, high) = 1e3 * sensor.extent_m
     axis.set(xlim=(left - 2, right + 2), ylim=(low - 2, high + 2))
@@ -155,6 +165,34 @@ def _projected(findings: Findings, touched: NDArray[np.bool_]) -> Figure:
     return figure
 
 
+def _mapped(findings: Findings) -> list[tuple[str, FieldMap]]:
+    """Name and field of every claim whose field differs from place to place."""
+    claims = findings.diagnosis.claims
+    return [(c.effect.name, c.field_map) for c in claims if c.field_map is not None and np.ptp(c.field_map.value) > 0]
+
+
+@styled
+def _fields(findings: Findings) -> Figure:
+    found = _mapped(findings)
+    figure, axes = panels(len(found), width=4.9, height=3.9)
+    for axis, (name, field) in zip(axes, found, strict=True):
+        (x_m, column), (y_m, row) = (np.unique(field.point_m[:, k], return_inverse=True) for k in range(2))
+        percent = np.full((len(y_m), len(x_m)), np.nan)
+        percent[row, column] = 100 * np.expm1(field.value)
+        if field.told is not None:
+            percent[row[~field.told], column[~field.told]] = np.nan
+        top = max(float(np.nanmax(np.abs(percent), initial=0.0)), 1e-3)
+        image = axis.pcolormesh(1e3 * x_m, 1e3 * y_m, percent, vmin=-top, vmax=top, cmap="RdBu_r", shading="nearest")
+        _sheet(axis, findings, words_of(name))
+        figure.colorbar(image, ax=axis, shrink=0.85, label="difference / %")
+    return figure
+
+
+def _phases_below(figure: Figure, axes: Sequence[Axes]) -> None:
+    """One legend for all panels, where it hides no point."""
+    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=len(PHASES))
+
+
 @styled
 def _forces(findings: Findings) -> Figure:
     assert findings.evidence is not None
@@ -171,7 +209,7 @@ def _forces(findings: Findings) -> Figure:
         axis.axhline(1.0, color=INK, lw=0.8)
         axis.set_ylim(bottom=0.0)
         axis.set(title=title, xlabel="force / N", ylabel="misfit over noise")
-        axis.legend()
+    _phases_below(figure, axes)
     return figure
 
 
@@ -208,7 +246,7 @@ def _force_depth(findings: Findings) -> Figure:
                 axis.plot(1e3 * history.depth_m[mine, 0], off_n, mark, ms=3, alpha=0.5, color=colour, label=name)
         axis.axhline(0.0, color=INK, lw=0.8)
         axis.set(title=title, xlabel="commanded depth / mm", ylabel="measured minus model / N")
-        axis.legend()
+    _phases_below(figure, axes)
     return figure
 
 

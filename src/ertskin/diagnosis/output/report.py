@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -14,7 +15,7 @@ from ertskin.diagnosis.output.figures import Drawn
 from ertskin.diagnosis.output.summary import in_words
 from ertskin.report.figures.image import data_uri
 from ertskin.report.page import Page, Picture, Row, Section, Table, write_page
-from ertskin.report.words import interval, words_of
+from ertskin.report.words import chance_in_words, force_in_words, interval, words_of
 
 MEANING = {
     "no_mismatch": "The simulator explains the recording to within the noise: nothing is missing.",
@@ -58,8 +59,10 @@ def _key_numbers(diagnosis: Diagnosis) -> tuple[tuple[str, str], ...]:
     if held.ratio_after is not None and diagnosis.claims:
         numbers.append((f"{held.ratio_after:.2f}", "misfit over noise after"))
     if held.force_before_n is not None and held.force_after_n is not None:
-        numbers.append((f"{held.force_before_n:.3g} N", "force off before"))
-        numbers.append((f"{held.force_after_n:.3g} N", "force off after"))
+        before, after = force_in_words(held.force_before_n), force_in_words(held.force_after_n)
+        numbers.append((before, "force misfit (rms)" if before == after else "force misfit (rms) before"))
+        if before != after:
+            numbers.append((after, "force misfit (rms) after"))
     return tuple(numbers)
 
 
@@ -67,7 +70,7 @@ def _missing(claims: tuple[Claim, ...]) -> Section:
     rows = []
     for claim, name in gathered(claims):
         values = "\n".join(
-            f"{words_of(key)} {interval(e.value, e.low, e.high, e.unit)}" for key, e in claim.parameters.items()
+            f"{words_of(key)} {interval(e.value, e.low, e.high, e.unit)}" for key, e in claim.shown.items()
         )
         rivals = ", ".join(f"{words_of(n)} ({c:.2f})" for n, c in claim.alternatives) or "none"
         rows.append(
@@ -88,8 +91,11 @@ def _missing(claims: tuple[Claim, ...]) -> Section:
 
 
 def _about(claim: Claim) -> str:
-    first = (type(claim.effect).__doc__ or "").splitlines()[0].replace("``", "")
-    return f"{first} {claim.effect.source}".strip()
+    """What the effect is in plain words, then its form and what that rests on."""
+    kind = type(claim.effect)
+    plain = (sys.modules[kind.__module__].__doc__ or "").splitlines()[0]
+    form = (kind.__doc__ or "").splitlines()[0].replace("``", "").rstrip(".")
+    return f"{plain} {form} ({claim.effect.source})."
 
 
 def _misfit(diagnosis: Diagnosis) -> Section | None:
@@ -121,4 +127,4 @@ def _tests(findings: Findings) -> Section | None:
 def _test_row(test: AxisTest) -> Row:
     worst = int(np.argmax(test.ratio))
     spread = f"{min(test.ratio):.2f} to {max(test.ratio):.2f}"
-    return Row(((words_of(test.axis), ""), (spread, ""), (test.label[worst], ""), (f"{test.p_value:.2g}", "")))
+    return Row(((words_of(test.axis), ""), (spread, ""), (test.label[worst], ""), (chance_in_words(test.p_value), "")))

@@ -6,6 +6,7 @@ from rich.console import Console
 
 from ertskin.diagnosis.contract.claims import Diagnosis, gathered
 from ertskin.diagnosis.judge.repeatability import Repeatability
+from ertskin.report.words import force_in_words
 from ertskin.terminal_table import Column, Row, print_table
 
 
@@ -20,7 +21,9 @@ def print_summary(console: Console, diagnosis: Diagnosis) -> None:
         )
     if held.force_before_n is not None and held.force_after_n is not None and diagnosis.claims:
         console.print(
-            f"force: {held.force_before_n:.3g} N off before, {held.force_after_n:.3g} N after", highlight=False
+            f"misfit of the force (rms): {force_in_words(held.force_before_n)} before,"
+            f" {force_in_words(held.force_after_n)} after",
+            highlight=False,
         )
     if diagnosis.presses_differ is not None:
         console.print(in_words(diagnosis.presses_differ), highlight=False)
@@ -29,7 +32,7 @@ def print_summary(console: Console, diagnosis: Diagnosis) -> None:
     rows = []
     for claim, name in gathered(diagnosis.claims):
         words = "\n".join(
-            f"{k} {e.value:.4g} [{e.low:.4g}, {e.high:.4g}]{of_unit(e.unit)}" for k, e in claim.parameters.items()
+            f"{k} {e.value:.4g} [{e.low:.4g}, {e.high:.4g}]{of_unit(e.unit)}" for k, e in claim.shown.items()
         )
         rows.append(Row((name, f"{claim.confidence:.2f}", f"{claim.ratio_alone:.3g}", words)))
     heads = Column("effect", words=True), Column("confidence"), Column("misfit\nit makes")

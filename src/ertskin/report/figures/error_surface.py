@@ -8,6 +8,7 @@ from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 from numpy.typing import NDArray
 
 from ertskin.report.figures.style import ORANGE, SURFACE_MAP, panels, styled
+from ertskin.report.words import name_in_words
 
 Array = NDArray[np.float64]
 
@@ -35,8 +36,8 @@ def error_surface(
     )
     axes.set_xscale("log")
     axes.set_yscale("log")
-    axes.set_xlabel(f"modulus of {names[0]} / kPa")
-    axes.set_ylabel(f"modulus of {names[1]} / kPa")
+    axes.set_xlabel(f"modulus of {name_in_words(names[0])} / kPa")
+    axes.set_ylabel(f"modulus of {name_in_words(names[1])} / kPa")
     bar = figure.colorbar(filled, ax=axes, label="depth error, rms / µm")
     bar.outline.set_visible(False)  # type: ignore[operator]
     for axis in (axes.xaxis, axes.yaxis, bar.ax.yaxis):

@@ -10,6 +10,7 @@ from ertskin.calibration.drawing import FIGURES
 from ertskin.calibration.result import Calibration
 from ertskin.report.figures.image import data_uri
 from ertskin.report.page import Picture, Section
+from ertskin.report.words import name_in_words
 
 WIDE = ("contact_resistance", "model_error_cases")
 
@@ -36,7 +37,10 @@ def _facts(calibration: Calibration) -> tuple[tuple[str, str], ...]:
     facts = [("recording", calibration.recording)]
     sensor = calibration.sensor
     if sensor is not None:
-        facts += [(f"modulus of {layer.name}", f"{1e-3 * layer.youngs_modulus_pa:.4g} kPa") for layer in sensor.layers]
+        facts += [
+            (f"modulus of {name_in_words(layer.name)}", f"{1e-3 * layer.youngs_modulus_pa:.4g} kPa")
+            for layer in sensor.layers
+        ]
         facts.append(("sheet resistance", f"{1e-3 * sensor.sheet_resistance_ohm_sq:.4g} kΩ/sq"))
     if calibration.foam_modulus_pa is not None:
         facts.append(("modulus of the foam coupon", f"{1e-3 * calibration.foam_modulus_pa:.4g} kPa"))

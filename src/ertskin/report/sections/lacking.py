@@ -11,7 +11,13 @@ from ertskin.report.page import Picture, Row, Section, Table
 from ertskin.report.words import interval, words_of
 
 TITLE = "What the simulator lacked, and how that was told"
-SHOWN = ("Misfit over the sheet", "Misfit against force", "Misfit by electrode", "Force against depth")
+SHOWN = (
+    "What was found over the sheet",
+    "Misfit over the sheet",
+    "Misfit against force",
+    "Misfit by electrode",
+    "Force against depth",
+)
 """Figures of a diagnosis that are shown, where it drew them; its own page has them all."""
 MEANING = {
     "no_mismatch": "Nothing: the simulator explains presses that no fit has seen to within the noise.",
@@ -62,7 +68,7 @@ def _named(effects: list[dict[str, Any]]) -> Table:
     for effect in effects:
         values = [
             f"{words_of(key)} {interval(e['value'], e['low'], e['high'], e['unit'])}"
-            for key, e in effect["parameters"].items()
+            for key, e in (effect["parameters"] or effect["quantities"]).items()
         ]
         rivals = [f"{words_of(other['name'])} ({other['confidence']:.2f})" for other in effect["alternatives"]]
         rows.append(

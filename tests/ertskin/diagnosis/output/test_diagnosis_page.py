@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
 
 import numpy as np
+import pytest
 
 from ertskin.diagnosis.contract.claims import Claim, Diagnosis, Estimate, HeldOut
-from ertskin.diagnosis.judge.axis_tests import AxisTest
+from ertskin.diagnosis.judge.axis_tests import AxisTest, axis_tests
+from ertskin.diagnosis.judge.quantities import field_map
 from ertskin.diagnosis.judge.result import Findings
 from ertskin.diagnosis.output.figures import figures, write_figures
 from ertskin.diagnosis.output.report import write_report
-from ertskin.hardware.virtual.bench.nominal import nominal_sensor
+from ertskin.hardware.virtual.bench.nominal import nominal_protocol, nominal_sensor
 from ertskin.physics.effects.indenter_offset import IndenterOffset
+from ertskin.physics.effects.sheet_inhomogeneity import SheetInhomogeneity
 from ertskin.physics.history import History
 from ertskin.report.words import words_of
 
@@ -42,10 +46,16 @@ def findings() -> Findings:
         {"dx_m": Estimate(1e-3, 0.9e-3, 1.1e-3, "m"), "dy_m": Estimate(-5e-4, -6e-4, -4e-4, "m")},
         (("sheet_inhomogeneity", 0.03),),
     )
-    held = HeldOut("9 presses", 2e-3, 2.1, 1.01, 1e-12)
-    tests = (AxisTest("electrode", tuple(map(str, range(24))), tuple(1 + random.random(24)), 1e-3),)
+    sheet = SheetInhomogeneity(gradient_x=0.1)
+    field = field_map(sheet, sensor)
+    assert field is not None
+    known = replace(field, error=np.full(len(field.value), 0.01), told=field.point_m[:, 1] > 0.06)
+    spread = {"log_spread": Estimate(0.03, 0.02, 0.04, "1")}
+    mapped = Claim(sheet, 0.99, 8.9, {}, quantities=spread, field_map=known)
+    held = HeldOut("9 presses", 2e-3, 2.1, 1.01, 0.0, 0.02, 0.004)
+    tests = (AxisTest("electrode", tuple(map(str, range(24))), tuple(1 + random.random(24)), 0.0),)
     return Findings(
-        Diagnosis("skin.h5", "explained", held, claims=(claim,)),
+        Diagnosis("skin.h5", "explained", held, claims=(claim, mapped)),
         evidence=cast(Any, SimpleNamespace(history=history, sensor=sensor, noise_v=2e-3)),
         baseline=cast(Any, baseline),
         held=np.arange(27),
@@ -67,6 +77,11 @@ def test_names_and_units_are_words(tmp_path: Path) -> None:
         "indenter offset",
         "dx 1 mm (0.9 to 1.1)",
         "sheet inhomogeneity (0.03)",
+        "log spread 0.03 (0.02 to 0.04)",
+        "The unloaded sheet resistance varies over the sheet.",
+        "<dt>20 mN</dt><dd>force misfit (rms) before</dd>",
+        "<dt>4 mN</dt><dd>force misfit (rms) after</dd>",
+        "&lt; 1e-300",
         "<pre>ertskin train recording=skin.h5 effects=skin",
         "commit abc",
     ):
@@ -79,6 +94,28 @@ def test_every_figure_drawn_has_something_in_it() -> None:
     for title, _, draw in figures(findings()):
         for axis in draw().axes:
             assert axis.has_data(), title
+
+
+def test_a_field_found_is_drawn_where_the_recording_tells_it() -> None:
+    draw = next(draw for title, _, draw in figures(findings()) if title == "What was found over the sheet")
+    axis = draw().axes[0]
+    percent = axis.collections[0].get_array()
+    shown = np.ma.getmaskarray(percent)
+    assert axis.get_title(loc="left") == "sheet inhomogeneity"
+    assert shown[:12].all()
+    assert not shown[12:].any()
+    assert np.ma.max(percent) == pytest.approx(100 * np.expm1(0.05 * 23 / 24))
+
+
+def test_a_place_is_named_in_millimetres() -> None:
+    found = findings()
+    assert found.evidence is not None
+    assert found.residual_before is not None
+    history = found.evidence.history
+    tests = axis_tests(found.residual_before, history, nominal_protocol(found.evidence.sensor))
+    labels = {test.axis: test.label for test in tests}
+    assert "(10, 10) mm" in labels["place"]
+    assert all(" to " in label for label in labels["force"])
 
 
 def test_what_has_no_figures_is_a_page_all_the_same(tmp_path: Path) -> None:
