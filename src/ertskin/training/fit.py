@@ -56,10 +56,10 @@ def fit(
             epoch = f"epoch {begun['place']['epoch'] + 1} of at most {settings.max_epochs}"
             print(f"{title}: going on from {epoch}", file=sys.stderr, flush=True)
         data = _data(trials, settings)
-        trainer = _trainer(settings, folder, [Progress(title, log), checkpoint])
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")
+                trainer = _trainer(settings, folder, [Progress(title, log), checkpoint])
                 # oneDNN sets itself up at every call: small batches lose more by that than they gain.
                 torch.backends.mkldnn.set_flags(False)
                 trainer.fit(network, data, ckpt_path=None if begun is None else last, weights_only=True)
@@ -88,7 +88,7 @@ def _trainer(settings: TrainerSettings, folder: Path, callbacks: list[pl.Callbac
     logging.getLogger("lightning.pytorch").setLevel(logging.ERROR)
     stopping = EarlyStopping("validation_loss", patience=settings.patience, check_finite=False)
     return pl.Trainer(
-        accelerator=settings.accelerator,
+        accelerator=_accelerator(settings.accelerator),
         devices=1,
         max_epochs=settings.max_epochs,
         deterministic=True,
@@ -100,6 +100,11 @@ def _trainer(settings: TrainerSettings, folder: Path, callbacks: list[pl.Callbac
         num_sanity_val_steps=0,
         use_distributed_sampler=False,
     )
+
+
+def _accelerator(asked: str) -> str:
+    """Lightning's name for it: its own "auto" would take Apple's GPUs, which have no double precision."""
+    return "cuda" if asked == "gpu" or (asked == "auto" and torch.cuda.is_available()) else "cpu"
 
 
 def _checkpoint_state(last: Path) -> dict:

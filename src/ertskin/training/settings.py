@@ -17,8 +17,8 @@ class TrainerSettings:
     bring the validation loss no lower. ``annealed``: the rate falls to zero along half a cosine over ``max_epochs``.
     ``batches_per_chunk`` changes the speed alone. ``threads``: of this job; with two or more a denoiser and its network
     are trained side by side. Results are bit-identical for the same number. ``accelerator``: ``cpu``, ``gpu``, or
-    ``auto`` for a GPU where there is one. ``checkpoint_s``: most time lost to a kill within an epoch, whose end is
-    always kept.
+    ``auto`` for a GPU (CUDA, ROCm) where there is one. ``checkpoint_s``: most time lost to a kill within an epoch,
+    whose end is always kept.
     """
 
     batch: int = limited(32, least=2)
