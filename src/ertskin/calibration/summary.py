@@ -20,12 +20,12 @@ def print_summary(console: Console, calibration: Calibration, fits: Fits, error:
     if fits.support is not None:
         table.add_row(
             "indenter support",
-            f"{fits.support.stiffness_n_per_m:.0f} ± {fits.support.standard_error_n_per_m:.2g} N/m",
+            f"{fits.support.stiffness_n_per_m:.0f} ± {fits.support.standard_error_n_per_m:.1f} N/m",
         )
     if fits.moduli is not None:
         table.add_row(
             "pad stiffness",
-            f"{fits.moduli.stiffness_n_per_m:.0f} ± {fits.moduli.stiffness_standard_error_n_per_m:.2g} N/m, "
+            f"{fits.moduli.stiffness_n_per_m:.0f} ± {fits.moduli.stiffness_standard_error_n_per_m:.1f} N/m, "
             f"depth misfit {1e6 * fits.moduli.depth_rms_m:.0f} µm rms",
         )
         found = zip(fits.moduli.names, fits.moduli.moduli_pa, strict=True)

@@ -59,8 +59,8 @@ def figures(findings: Findings) -> Iterator[Drawing]:
     if findings.evidence is not None and _mapped(findings):
         yield (
             "What was found over the sheet",
-            "By how much a property named differs from what it is elsewhere, as fitted; blank where the recording "
-            "doesn't tell. Small squares: electrodes.",
+            "By how much a property named differs from its calibrated value; blank where the recording doesn't tell. "
+            "Small squares: electrodes.",
             lambda: _fields(findings),
         )
     evidence, held = findings.evidence, findings.held
