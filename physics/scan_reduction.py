@@ -45,7 +45,7 @@ class ScanReduction:
         ``ertskin.physics.spikes.despiked`` for one scan whose noise is known: told by that, not by the scan's own
         scatter, it takes well under a millisecond. The largest spikes go first, or what they pull along would go too.
         """
-        coordinates = self.coordinates(change_v)
+        coordinates = with_all = self.coordinates(change_v)
         fit = self.readings(coordinates)
         gone = np.zeros(0, dtype=np.intp)
         for _ in range(ROUNDS if self.spare > 0 else 0):
@@ -58,14 +58,16 @@ class ScanReduction:
             if len(gone) + len(more) > MOST_SPIKES * len(change_v):
                 break
             gone = np.concatenate([gone, more])
-            coordinates = self._without(change_v, gone)
+            coordinates = self._without(with_all, change_v[gone], gone)
             fit = self.readings(coordinates)
         clean = change_v.copy()
         clean[gone] = fit[gone]
         return coordinates, clean, clean - fit
 
-    def _without(self, change_v: Array, gone: NDArray[np.intp]) -> Array:
-        """Least-squares coordinates without some of the readings (Woodbury)."""
-        lost = np.asarray(self._design[gone] @ self._inverse)
-        kept = self.coordinates(change_v) - change_v[gone] @ lost
+    def _without(self, with_all: Array, gone_v: Array, gone: NDArray[np.intp]) -> Array:
+        """Least-squares coordinates without some of the readings, from those with them (Woodbury)."""
+        design = self._design
+        rows = [slice(design.indptr[k], design.indptr[k + 1]) for k in gone]
+        lost = np.array([design.data[row] @ self._inverse[design.indices[row]] for row in rows])
+        kept = with_all - gone_v @ lost
         return kept + np.linalg.lstsq(np.eye(len(gone)) - lost @ lost.T, lost @ kept, rcond=1e-9)[0] @ lost

@@ -158,9 +158,19 @@ class RestState:
         """The same, contacts and sheet anything they may be: for a skin that has drifted faster than it ever did."""
         return replace(self, covariance=RestState.unknown(self.skin, self.time_s).covariance)
 
-    def surprise(self, coordinates_v: Array) -> tuple[float, float]:
-        """Mean square of what a rest frame (n,) at this time shows against what is expected, about 1; and its log
-        likelihood."""
+    def surprise(self, coordinates_v: Array) -> float:
+        """Mean square of what a rest frame (n,) at this time shows against what is expected, about 1."""
+        return self._square(coordinates_v)[0] / len(coordinates_v)
+
+    def likely(self, coordinates_v: Array) -> tuple[float, float]:
+        """``surprise`` of a rest frame (n,) at this time, and its log likelihood."""
+        square, mixed = self._square(coordinates_v)
+        free = len(coordinates_v) - self.skin.span.shape[1]
+        logarithm = float(np.linalg.slogdet(mixed)[1]) + free * np.log(1.0 + self.remainder_variance)
+        return square / len(coordinates_v), -0.5 * (square + logarithm)
+
+    def _square(self, coordinates_v: Array) -> tuple[float, Array]:
+        """What is left of a rest frame (n,), squared; (m,m) by how much more than the noise it may wander."""
         skin = self.skin
         error = (coordinates_v - self.zero_v) / skin.noise_v
         within, outside = self._parted(error)
@@ -168,11 +178,7 @@ class RestState:
         spread = self.covariance + np.diag(skin.jitters**2)
         mixed = np.eye(len(spread)) + skin.told @ spread
         square = float(within @ within - seen @ spread @ np.linalg.solve(mixed, seen))
-        variance = 1.0 + self.remainder_variance
-        square += float(outside @ outside) / variance
-        free = len(error) - skin.span.shape[1]
-        logarithm = float(np.linalg.slogdet(mixed)[1]) + free * np.log(variance)
-        return square / len(error), -0.5 * (square + logarithm)
+        return square + float(outside @ outside) / (1.0 + self.remainder_variance), mixed
 
     def updated(self, coordinates_v: Array) -> RestState:
         """After a rest frame (n,) at this time."""
@@ -251,7 +257,7 @@ def surprises(skin: RestingSkin, rest_v: Array, time_s: Array) -> list[tuple[flo
     state, found = RestState.unknown(skin, float(time_s[0])).updated(rest_v[0]), []
     for frame, time in zip(rest_v[1:], time_s[1:], strict=True):
         state = state.at(float(time))
-        found.append(state.surprise(frame))
+        found.append(state.likely(frame))
         state = state.updated(frame)
     return found
 

@@ -29,7 +29,7 @@ DAMPING = 1e-3
 MOST_STEP_M = 6e-3
 COARSE, COARSE_SPREAD = 0.1, 0.5
 CONVERGED = 1e-3
-"""A step that gains less than this in the misfit is the last."""
+"""A step that gains less than this in the misfit is the last, and one that gains nothing and promised less."""
 MOVED_M, MOVED_SHARE = 1e-3, 0.1
 SETTLED = 0.03
 """What contacts add together is found anew once one has moved this far or its force by that share; at the end, of
@@ -150,36 +150,43 @@ def descended(reading, start, spline, cells, spread, remainder, low, high):  # t
     misfit, gradient, curvature, logarithm = weighed(rows, variance)
     damping = DAMPING
     for _ in range(STEPS):
-        damped = curvature.copy()
-        for k in range(3 * count):
-            damped[k, k] *= 1.0 + damping
-            damped[k, k] += 1e-12
-        step = np.linalg.solve(damped, gradient)
-        tried = touch.copy()
-        for c in range(count):
-            for k in range(2):
-                moved = touch[c, k] + min(max(step[3 * c + k], -MOST_STEP_M), MOST_STEP_M)
-                tried[c, k] = min(max(moved, low[k]), high[k])
-            stronger = touch[c, 2] * np.exp(min(max(step[3 * c + 2], -1.0), 1.0))
-            tried[c, 2] = min(max(stronger, low[2]), high[2])
+        tried, promised = _stepped(touch, gradient, curvature, damping, low, high)
         also = _compared(reading, tried, spline, added, spread, remainder, predicted, rows)
         found = weighed(rows, also)
-        before, after = misfit + logarithm, found[0] + found[3]
-        if after < before:
+        gained = misfit + logarithm - found[0] - found[3]
+        better = gained > 0.0
+        settled = (gained if better else promised) < CONVERGED
+        if better:
             touch, misfit, gradient, curvature, logarithm = tried, found[0], found[1], found[2], found[3]
-            damping = max(0.1 * damping, 1e-9)
-            settled = before - after < CONVERGED
-            if count > 1 and _moved(touch, known) > (SETTLED if settled else 1.0):
-                added, known = added_by(touch, cells, width), touch
-                variance = _compared(reading, touch, spline, added, spread, remainder, predicted, rows)
-                misfit, gradient, curvature, logarithm = weighed(rows, variance)
-            elif settled:
-                break
-        else:
-            damping *= 10.0
-            if damping > 1e6:
-                break
+        damping = max(0.1 * damping, 1e-9) if better else 10.0 * damping
+        if count > 1 and (better or settled) and _moved(touch, known) > (SETTLED if settled else 1.0):
+            added, known = added_by(touch, cells, width), touch
+            variance = _compared(reading, touch, spline, added, spread, remainder, predicted, rows)
+            misfit, gradient, curvature, logarithm = weighed(rows, variance)
+        elif settled or damping > 1e6:
+            break
     return touch, misfit, curvature, logarithm
+
+
+@njit(cache=True, nogil=True)
+def _stepped(touch, gradient, curvature, damping, low, high):  # type: ignore[no-untyped-def]
+    """Contacts (C,3) a damped step further, and what the misfit would fall by if it were as straight as it looks."""
+    damped = curvature.copy()
+    for k in range(len(gradient)):
+        damped[k, k] *= 1.0 + damping
+        damped[k, k] += 1e-12
+    step = np.linalg.solve(damped, gradient)
+    tried = touch.copy()
+    promised = 0.0
+    for c in range(len(touch)):
+        for k in range(2):
+            moved = touch[c, k] + min(max(step[3 * c + k], -MOST_STEP_M), MOST_STEP_M)
+            tried[c, k] = min(max(moved, low[k]), high[k])
+            promised += gradient[3 * c + k] * (tried[c, k] - touch[c, k])
+        stronger = touch[c, 2] * np.exp(min(max(step[3 * c + 2], -1.0), 1.0))
+        tried[c, 2] = min(max(stronger, low[2]), high[2])
+        promised += gradient[3 * c + 2] * np.log(tried[c, 2] / touch[c, 2])
+    return tried, promised
 
 
 @njit(cache=True, nogil=True)

@@ -17,7 +17,7 @@ from ertskin.physics.touch.posterior import (
     log_evidence,
     refined,
 )
-from ertskin.physics.touch.table import ResponseTable
+from ertskin.physics.touch.table import ResponseTable, tangents_at
 
 Array = NDArray[np.float64]
 
@@ -112,22 +112,28 @@ class TouchPosterior:
             misfit[n] = searched(reading, begun, self._model, self._scan, touch[n], covariance[n], logs[n])  # type: ignore[attr-defined]
         share = np.exp((logs - logs.max(axis=1, keepdims=True)) / self.temperature)
         share /= share.sum(axis=1, keepdims=True)
-        known = np.isfinite(touch[..., 2])
-        extra = np.broadcast_to(self.error, touch.shape).copy()
-        extra[known, 2] *= self._force_per_size_n(touch[known])
-        scale = np.ones((*touch.shape,))
-        scale[..., 2] = touch[..., 2]
-        covariance = covariance * scale[..., None] * scale[..., None, :] + extra[..., None] ** 2 * np.eye(3)
-        covariance *= self.widening
+        stated(touch.reshape(-1, 3), self._model[0], self.error, self.widening, covariance.reshape(-1, 3, 3))  # type: ignore[attr-defined]
         there = np.cumsum(share[:, ::-1], axis=1)[:, ::-1][:, 1:]
-        probability = np.where(known, there, np.nan)
+        probability = np.where(np.isfinite(touch[..., 2]), there, np.nan)
         return Beliefs(touch[..., :2], touch[..., 2], covariance, probability, share, misfit)
 
-    def _force_per_size_n(self, touch: Array) -> Array:
-        """(n,) newton that change the response to contacts (n,3) by as much as it is."""
-        rows = self.table.tangents(touch[:, :2], touch[:, 2])
-        size, slope = (np.linalg.norm(rows[:, k], axis=1) for k in (0, 3))
-        return np.asarray(size / slope)
+
+@njit(cache=True, nogil=True)
+def stated(touch, spline, error, widening, covariance):  # type: ignore[no-untyped-def]
+    """Turn covariances (n,3,3) by log force, of the contacts (n,3) there are, into those by force, with ``error``."""
+    rows = np.empty((7, spline[3].shape[3]))
+    for c in range(len(touch)):
+        force_n = touch[c, 2]
+        if not np.isfinite(force_n):
+            continue
+        covariance[c, 2] *= force_n
+        covariance[c, :, 2] *= force_n
+        tangents_at(spline[0], spline[1], spline[2], spline[3], touch[c, 0], touch[c, 1], force_n, rows)
+        # Newton that change the response by as much as it is.
+        per_size_n = np.sqrt((rows[0] @ rows[0]) / (rows[3] @ rows[3]))
+        for k in range(3):
+            covariance[c, k, k] += (error[k] * (per_size_n if k == 2 else 1.0)) ** 2
+        covariance[c] *= widening
 
 
 @njit(cache=True, nogil=True)

@@ -17,7 +17,7 @@ import torch
 from torch import Tensor, nn
 
 from ertskin.errors import UserError
-from ertskin.live.predictor import TABLE_SUFFIX
+from ertskin.live.predictor import ABOUT, COORDINATES, TABLE_SUFFIX
 from ertskin.models.contacts import ContactsNetwork
 from ertskin.models.denoiser import Denoiser
 from ertskin.models.masked import MaskedNetwork
@@ -30,7 +30,6 @@ from ertskin.models.trunk import Trunk
 
 OPSET = 17
 INPUT = "change_v"
-ABOUT = "ertskin"
 
 
 class Affine(nn.Module):
@@ -50,7 +49,11 @@ class Affine(nn.Module):
 
 
 class OfCoordinates(nn.Module):
-    """A network on whitened coordinates, from (N,R) changes of the raw readings."""
+    """A network on whitened coordinates, from (N,R) changes of the raw readings, then from (M,P) of the coordinates.
+
+    Either may have no frames. Where the coordinates are known already, the readings' matrix is most of what a frame
+    costs.
+    """
 
     def __init__(self, network: Network, orthonormal: Tensor) -> None:
         super().__init__()
@@ -59,11 +62,12 @@ class OfCoordinates(nn.Module):
             raise UserError(f"{type(network).__name__} has no trunk to export")
         whitening = orthonormal @ trunk.whiten.matrix.double()
         self.enter = Affine(whitening, torch.zeros(whitening.shape[1]))
+        self.whiten = trunk.whiten
         self.network = network
 
-    def forward(self, change_v: Tensor) -> tuple[Tensor, ...]:
+    def forward(self, change_v: Tensor, coordinates_v: Tensor) -> tuple[Tensor, ...]:
         """What the network's layers give, the first as a probability."""
-        return _answers(self.network, self.enter(change_v))
+        return _answers(self.network, torch.cat([self.enter(change_v), self.whiten(coordinates_v)]))
 
 
 class OfReadings(nn.Module):
@@ -93,7 +97,11 @@ def export_onnx(reconstruction: Reconstruction, path: Path) -> None:
     """Write the reconstruction to ``path``; raises ``UserError`` for a network that can't be exported."""
     protocol, network = reconstruction.protocol, reconstruction.network
     module = _module(reconstruction).eval().float()
-    readings = protocol.shape[0] * protocol.shape[1]
+    frames = [torch.zeros(1, protocol.shape[0] * protocol.shape[1])]
+    inputs = [INPUT]
+    if network.reads == "coordinates":
+        frames.append(torch.zeros(1, protocol.orthonormal.shape[1]))
+        inputs.append(COORDINATES)
     outputs = ["probability", "force_n"]
     if isinstance(network, PlacesNetwork):
         outputs.append("place_m")
@@ -107,13 +115,14 @@ def export_onnx(reconstruction: Reconstruction, path: Path) -> None:
         warnings.simplefilter("ignore")
         torch.onnx.export(
             module,
-            (torch.zeros(1, readings),),
+            tuple(frames),
             str(aside),
             dynamo=False,
             opset_version=OPSET,
-            input_names=[INPUT],
+            input_names=inputs,
             output_names=outputs,
-            dynamic_axes={name: {0: "frames"} for name in [INPUT, *outputs]},
+            dynamic_axes={name: {0: f"frames of {name}"} for name in inputs}
+            | {name: {0: "frames"} for name in outputs},
         )
     _describe(aside, _about(reconstruction))
     beside = {} if reconstruction.monitor is None else reconstruction.monitor.held()
@@ -169,10 +178,13 @@ def _write_beside(path: Path, held: dict[str, Any]) -> None:
 
 
 def _describe(path: Path, about: dict[str, Any]) -> None:
-    """Keep beside the graph what its numbers mean."""
+    """Keep beside the graph what its numbers mean; coordinates need not be given."""
     import onnx
 
     model = onnx.load(str(path))
+    for entered in model.graph.input[1:]:
+        none = np.zeros((0, entered.type.tensor_type.shape.dim[1].dim_value), dtype=np.float32)
+        model.graph.initializer.append(onnx.numpy_helper.from_array(none, entered.name))
     entry = model.metadata_props.add()
     entry.key, entry.value = ABOUT, json.dumps(about)
     onnx.save(model, str(path))

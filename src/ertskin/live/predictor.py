@@ -19,6 +19,7 @@ from ertskin.physics.touch.search import TouchPosterior
 
 Array = NDArray[np.float64]
 ABOUT = "ertskin"
+COORDINATES = "coordinates_v"
 TABLE_SUFFIX = ".npz"
 """Of the arrays beside an exported network: its monitor, and the forward model of one that proposes contacts."""
 
@@ -44,6 +45,8 @@ class Predictor:
         if not path.is_file():
             raise UserError(f"no model at {path}")
         options = onnxruntime.SessionOptions()
+        # The coordinates, which need not be given, are warned of as an input with a default.
+        options.log_severity_level = 3
         options.intra_op_num_threads = options.inter_op_num_threads = 1
         try:
             self._session = onnxruntime.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
@@ -53,6 +56,8 @@ class Predictor:
             # onnxruntime raises classes of its own for each way a file can be bad.
             raise UserError(f"{path} is no exported model: {str(error).splitlines()[0]}") from None
 
+        self.reads_coordinates = COORDINATES in {given.name for given in self._session.get_overridable_initializers()}
+        """Whether it can ``estimate_coordinates``: a network that reads more than those can't."""
         held = _held_beside(path)
         self.monitor = SkinMonitor.of(held)
         self._posterior = _posterior(path, held) if self.kind.kind == "contacts" else None
@@ -60,7 +65,15 @@ class Predictor:
     def estimate(self, change_v: NDArray[np.floating]) -> Estimate:
         """Touches of (N,K,M) or (N,R) changes of the raw readings against rest, in volt."""
         flat = np.ascontiguousarray(change_v, dtype=np.float32).reshape(len(change_v), -1)
-        answers: list[Any] = self._session.run(None, {"change_v": flat})
+        return self._estimate({"change_v": flat})
+
+    def estimate_coordinates(self, coordinates_v: Array) -> Estimate:
+        """Touches of (N,n) changes of the whitened coordinates, in volt: the same, faster where these are known."""
+        nothing = np.zeros((0, self.kind.shape[0] * self.kind.shape[1]), dtype=np.float32)
+        return self._estimate({"change_v": nothing, COORDINATES: coordinates_v.astype(np.float32)})
+
+    def _estimate(self, given: dict[str, NDArray[np.float32]]) -> Estimate:
+        answers: list[Any] = self._session.run(None, given)
         probability, force = (answer.astype(float) for answer in answers[:2])
         if self._posterior is not None:
             place_m = answers[2].astype(float)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ertskin.hardware.instrument import Scan
 from ertskin.live.predictor import Predictor
-from ertskin.live.watch import Watch
+from ertskin.live.watch import SeenScan, Watch
 from ertskin.models.estimate import Estimate
 
 Array = NDArray[np.float64]
@@ -126,7 +126,7 @@ class Session:
         """On the resting skin as it is followed."""
         begin = time.perf_counter()
         seen = watch.see(scan.voltage_v, scan.time_s)
-        estimate = self._nothing if seen.at_rest else self._predictor.estimate(seen.change_v[None])
+        estimate = self._nothing if seen.at_rest else self._answered(seen)
         novelty, at_rest = watch.judged(seen, estimate)
         estimate = self._nothing if at_rest else estimate
         latency = time.perf_counter() - begin
@@ -134,6 +134,11 @@ class Session:
             self._drift.append(float(np.sqrt(max(0.0, seen.surprise * watch.monitor.resting.limit - 1.0))))
         frame = self._frame(scan, estimate, latency)
         return replace(frame, novelty=novelty, sheet_change=watch.state.gain - 1.0, left=watch.left)
+
+    def _answered(self, seen: SeenScan) -> Estimate:
+        if self._predictor.reads_coordinates:
+            return self._predictor.estimate_coordinates(seen.coordinates_v[None])
+        return self._predictor.estimate(seen.change_v[None])
 
     def _seen_by_zero(self, scan: Scan) -> LiveFrame:
         """Against the zero alone."""

@@ -26,19 +26,26 @@ exceeds by chance: by chance in one of a million such stretches."""
 class SeenScan:
     """A scan as it would have read on the skin at its calibration.
 
-    ``change_v`` (R,) of the readings against rest, ``coordinates_v`` (n,) of the same; ``as_read_v`` (n,) of the scan
-    itself. ``at_rest``: whether it is what a resting skin, followed so far, may read; ``surprise``: how far it is from
-    that, 1 being the limit. ``unexplained``: mean square of what no resistor network could give. ``state``: of the
-    resting skin at its time.
+    ``clean_v`` (R,): the readings since the zeroing, without spikes; ``offset_v`` (R,): what the resting skin's have
+    moved by since. ``coordinates_v`` (n,) of the change against rest; ``as_read_v`` (n,) of the scan itself.
+    ``at_rest``: whether it is what a resting skin, followed so far, may read; ``surprise``: how far it is from that, 1
+    being the limit. ``unexplained``: mean square of what no resistor network could give. ``state``: of the resting skin
+    at its time.
     """
 
-    change_v: NDArray[np.float32]
+    clean_v: Array
+    offset_v: Array
     coordinates_v: Array
     at_rest: bool
     surprise: float
     unexplained: float
     state: RestState
     as_read_v: Array
+
+    @property
+    def change_v(self) -> NDArray[np.float32]:
+        """(R,) of the readings against rest."""
+        return ((self.clean_v - self.offset_v) / self.state.gain).astype(np.float32)
 
 
 class Watch:
@@ -74,11 +81,11 @@ class Watch:
         moved, clean, leftover = self._reduction.despiked(scan_v.ravel() - self._first_v)
         state = self._state.at(time_s)
         as_read = moved + self._first_coordinates_v
-        surprise = state.surprise(as_read)[0] / self.monitor.resting.limit
+        surprise = state.surprise(as_read) / self.monitor.resting.limit
         unexplained = unexplained_of(leftover[None], self.monitor.novelty.noise_v, self._reduction.spare, self._frames)
-        change = ((clean - self._offset_v) / state.gain).astype(np.float32)
         return SeenScan(
-            change,
+            clean,
+            self._offset_v,
             (as_read - state.zero_v) / state.gain,
             surprise <= 1.0,
             surprise,
@@ -101,7 +108,7 @@ class Watch:
         )
         if score[0] > 1.0 or not estimate.present.any():
             loose = seen.state.loosened()
-            surprise = loose.surprise(seen.as_read_v)[0] / self.monitor.resting.limit
+            surprise = loose.surprise(seen.as_read_v) / self.monitor.resting.limit
             if surprise <= 1.0:
                 self._take(loose, seen.as_read_v)
                 return surprise, True

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from ertskin.models.estimate import Estimate
@@ -22,16 +23,30 @@ def counted(weight: Array, force_n: Array, place_m: Array, *, radius_m: float, t
 
     Votes within ``radius_m`` of the weightiest one left are one contact: its place and force are their weighted means.
     """
-    places, forces = [], []
-    left = weight.copy()
-    while left.max(initial=0.0) > 0.1 * threshold:
-        together = (np.linalg.norm(place_m - place_m[left.argmax()], axis=1) <= radius_m) & (left > 0)
-        share = left[together]
-        if share.sum() > threshold:
-            places.append(share @ place_m[together] / share.sum())
-            forces.append(share @ force_n[together] / share.sum())
-        left[together] = 0.0
-    return np.array(places).reshape(-1, 2), np.array(forces)
+    found = _together(weight.astype(float), force_n.astype(float), place_m.astype(float), radius_m, threshold)
+    return found[:, :2], found[:, 2]
+
+
+@njit(cache=True, nogil=True)
+def _together(weight, force_n, place_m, radius_m, threshold):  # type: ignore[no-untyped-def]
+    """(C,3) place and force of ``counted``."""
+    found = np.empty((len(weight), 3))
+    count, left = 0, weight.copy()
+    while len(left) and left.max() > 0.1 * threshold:
+        first = left.argmax()
+        total, sums = 0.0, np.zeros(3)
+        for k in range(len(left)):
+            away = np.hypot(place_m[k, 0] - place_m[first, 0], place_m[k, 1] - place_m[first, 1])
+            if left[k] > 0.0 and away <= radius_m:
+                total += left[k]
+                sums[0] += left[k] * place_m[k, 0]
+                sums[1] += left[k] * place_m[k, 1]
+                sums[2] += left[k] * force_n[k]
+                left[k] = 0.0
+        if total > threshold:
+            found[count] = sums / total
+            count += 1
+    return found[:count]
 
 
 def on_taxels(found: list[tuple[Array, Array]], taxel_m: Array) -> Estimate:

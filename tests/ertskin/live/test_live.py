@@ -30,6 +30,8 @@ from ertskin.physics.history import History
 class Told:
     """A predictor that answers what it is told to."""
 
+    reads_coordinates = False
+
     def __init__(self, force_n: float = 0.0) -> None:
         self.force_n = force_n
         self.kind = Kind(False, (28, 8), np.array(TAXEL_M), 0.5, 0.0)

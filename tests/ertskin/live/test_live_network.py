@@ -79,6 +79,18 @@ def test_answers_as_the_checkpoint_does(kind: str, tmp_path: Path) -> None:
     assert [entry.name for entry in tmp_path.iterdir()] == ["model.onnx"]
 
 
+@pytest.mark.parametrize("kind", ["masked", "reciprocal", "places"])
+def test_answers_alike_from_coordinates(kind: str, tmp_path: Path) -> None:
+    export_onnx(reconstruction(kind), tmp_path / "model.onnx")
+    predictor = Predictor(tmp_path / "model.onnx")
+    assert predictor.reads_coordinates == (kind != "masked")
+    if predictor.reads_coordinates:
+        coordinates_v = changes().reshape(-1, READINGS).astype(float) @ PROTOCOL.orthonormal
+        mine, wanted = predictor.estimate_coordinates(coordinates_v), predictor.estimate(changes())
+        np.testing.assert_array_equal(mine.present, wanted.present)
+        np.testing.assert_allclose(mine.force_map_n, wanted.force_map_n, atol=2e-4 * np.abs(wanted.force_map_n).max())
+
+
 @pytest.mark.parametrize("kind", ["paper", "reciprocal", "places"])
 def test_runs_where_there_is_no_torch(kind: str, tmp_path: Path) -> None:
     model = reconstruction(kind)

@@ -30,6 +30,8 @@ PRESS_V = 0.1 * np.linalg.qr(np.column_stack([SLOPE_V, RNG.standard_normal(28)])
 class Presses:
     """A network that knows one press, and says how hard by the change it is shown."""
 
+    reads_coordinates = False
+
     def __init__(self) -> None:
         self.kind = Kind("touch", PROTOCOL.shape, np.array(TAXEL_M), 0.5, 0.0)
 

@@ -106,9 +106,9 @@ def test_a_steady_touch_stays_a_touch(skin, calibrated):
         state = state.at(float(k)).updated(skin.reads(0.0, np.zeros(8)) + NOISE_V * rng.standard_normal(28))
     for k in range(1, 61):
         held = skin.reads(sheet[k], contact[k], 0.1) + NOISE_V * rng.standard_normal(28)
-        assert state.at(time_s[k]).loosened().surprise(held)[0] > calibrated.limit
+        assert state.at(time_s[k]).loosened().surprise(held) > calibrated.limit
     let_go = skin.reads(sheet[60], contact[60]) + NOISE_V * rng.standard_normal(28)
-    assert state.at(time_s[60]).loosened().surprise(let_go)[0] < calibrated.limit
+    assert state.at(time_s[60]).loosened().surprise(let_go) < calibrated.limit
 
 
 def test_rest_frames_are_taken_for_strange_as_often_as_stated(skin, calibrated):
@@ -118,7 +118,7 @@ def test_rest_frames_are_taken_for_strange_as_often_as_stated(skin, calibrated):
     assert (seen > calibrated.limit).mean() <= 4e-3
     assert 0.7 < seen.mean() < 1.05  # the least rates allow for more than a skin that stands still shows
     assert (
-        RestState.unknown(calibrated, 0.0).updated(rest[0]).at(1.0).surprise(skin.reads(0.0, np.full(8, 0.0), 0.3))[0]
+        RestState.unknown(calibrated, 0.0).updated(rest[0]).at(1.0).surprise(skin.reads(0.0, np.full(8, 0.0), 0.3))
         > 3 * calibrated.limit
     )
 
