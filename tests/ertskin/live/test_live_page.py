@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path
 
 import numpy as np
 import pytest
-from browser import Browser
+from browser import CHROMIUM, Browser
 
 from ertskin.live.message import fault_of, line_of, message_of
 from ertskin.live.server import Channel, LiveServer
 from ertskin.live.session import Contact, LiveFrame
 from ertskin.physics.sensor import taxel_grid_m
 
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 TAXEL_M = taxel_grid_m((0.12, 0.12), 6, 6)
 CELL = """(() => {
   const [x, y] = [%d, %d], size = document.querySelector("#map").width;

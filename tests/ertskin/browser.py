@@ -6,11 +6,13 @@ import json
 import os
 import select
 import shlex
+import shutil
 import subprocess
 import time
 from pathlib import Path
 from typing import Any
 
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 OPTIONS = (
     "--headless=new --no-sandbox --disable-gpu --disable-quic --disable-dev-shm-usage --no-first-run"
     " --disable-background-networking --disable-component-update --disable-sync --window-size=1280,960"
@@ -42,6 +44,12 @@ class Browser:
             self._call(f"{domain}.enable")
         self._call("Page.navigate", url=url)
 
+    def resize(self, width: int, height: int) -> None:
+        """Lay the page out for a window of so many pixels."""
+        self._call(
+            "Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=width < 600
+        )
+
     def value(self, expression: str) -> Any:
         """What an expression of JavaScript comes to."""
         return self._call("Runtime.evaluate", expression=expression, returnByValue=True)["result"].get("value")
@@ -55,6 +63,13 @@ class Browser:
         deadline = time.monotonic() + PATIENCE_S
         while (shown := self.text(selector)) != text:
             assert time.monotonic() < deadline, f"{selector} shows {shown!r}, not {text!r}"
+            time.sleep(0.05)
+
+    def wait_until(self, expression: str) -> None:
+        """Wait until an expression of JavaScript is true."""
+        deadline = time.monotonic() + PATIENCE_S
+        while self.value(expression) is not True:
+            assert time.monotonic() < deadline, f"{expression} stays untrue"
             time.sleep(0.05)
 
     def click(self, selector: str) -> None:
