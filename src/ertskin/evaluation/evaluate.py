@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from omegaconf import DictConfig
 
+from ertskin import __version__
 from ertskin.calibration.ready import ready_calibration
 from ertskin.data.grid import spacing_m
 from ertskin.data.material import Material
@@ -200,7 +201,7 @@ def _rank(method: MethodResult) -> tuple[float, float]:
     return -float(np.mean(right)), float(np.mean(errors))
 
 
-def _about(source: Path, named: dict[str, Path], checksum: str | dict[str, str] | None) -> dict[str, object]:
+def _about(source: Path, named: dict[str, Path], checksum: str | dict[str, str] | None) -> dict[str, Any]:
     files = {"training": source} | named
     return {
         "files": {role: {"name": path.name, "sha256": file_sha256(path)} for role, path in files.items()},
@@ -214,16 +215,25 @@ def _inputs(
     source: Path,
     recordings: dict[str, Recording],
     methods: list[MethodResult],
-    about: dict[str, object],
+    about: dict[str, Any],
 ) -> ReportInputs:
     calibration, _ = ready_calibration(config, recordings["training"])
     figures = calibration_path(config).parent
     return ReportInputs(
-        f"{recordings['training'].rig}: calibration and evaluation",
+        f"Evaluation on {source.name}",
         methods,
         config.shown,
         recordings,
         calibration,
         figures,
-        [f"{name}: {value}" for name, value in about.items()],
+        _footer(about),
     )
+
+
+def _footer(about: dict[str, Any]) -> list[str]:
+    """How the numbers came about, in lines for the foot of a page; ``evaluation.json`` has the checksums whole."""
+    files = [f"{role}: {file['name']} ({file['sha256'][:12]})" for role, file in about["files"].items()]
+    checksum = about["data_checksum"]
+    grids = checksum if isinstance(checksum, dict) else {"": checksum}
+    trials = [f"simulated trials {grid}".rstrip() + f": {known[:12]}" for grid, known in grids.items() if known]
+    return [*files, *trials, f"ertskin {__version__}, commit {about['commit'] or 'unknown'}"]

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ertskin.errors import UserError
 from ertskin.models.reconstruction import Reconstruction
+from ertskin.report.words import name_in_words
 from ertskin.tracking.model import model_file
 from ertskin.tracking.run import flattened
 from ertskin.tracking.settings import TrackingSettings
@@ -72,7 +73,7 @@ def grouped(models: Sequence[Reconstruction]) -> dict[str, Group]:
         }
         words = [f"{_heading(key)} {config[key]}" for key in sorted(differing) if key != EFFECTS]
         if EFFECTS in differing and config[EFFECTS]:
-            words.insert(0, f"with {config[EFFECTS]}")
+            words.insert(0, f"with {name_in_words(config[EFFECTS])}")
         seeds = groups.setdefault(f"{name} ({', '.join(words)})" if words else name, {})
         seeds[int(_config(model).get("seed", len(seeds)))] = model
     return groups

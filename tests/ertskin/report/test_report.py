@@ -116,6 +116,18 @@ def test_failures_list_the_frames_that_are_wrong():
     assert 0 < len(section.tables[0].rows) <= 12
 
 
+def test_a_map_in_which_nothing_is_wrong_is_left_out():
+    method = examples.methods()[1]
+    (run, *others) = method.runs
+    location = replace(run.scores["location_error_mm"], per_taxel=np.full(36, 1e-15))
+    right = replace(run, scores={**run.scores, "location_error_mm": location})
+    captions = [
+        [picture.caption for picture in failures([one], one).pictures]
+        for one in (method, replace(method, runs=(right, *others)))
+    ]
+    assert captions[0] == [*captions[1], "Where the place is worst, over all test frames."]
+
+
 def test_a_report_without_recordings_or_model_still_stands(tmp_path):
     path = write_report(tmp_path / "report.html", ReportInputs("small", examples.methods()[:1]))
     outline = Outline()

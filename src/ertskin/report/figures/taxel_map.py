@@ -14,6 +14,9 @@ from ertskin.report.figures.style import ERROR_MAP, FAINT, ink_on, panels, style
 
 Array = NDArray[np.float64]
 
+ROUNDING = 1e-9
+"""What is less than this, in any unit shown, is zero."""
+
 
 def draw_taxels(
     axes: Axes,
@@ -39,17 +42,21 @@ def draw_taxels(
     for (x, y), number in zip(taxel_mm, value, strict=True):
         if form and np.isfinite(number):
             darkness = (number - limits[0]) / span
-            axes.text(x, y, form.format(number), ha="center", va="center", fontsize=7, color=ink_on(darkness))
+            axes.text(
+                x,
+                y,
+                form.format(number if abs(number) > ROUNDING else 0.0),
+                ha="center",
+                va="center",
+                fontsize=7,
+                color=ink_on(darkness),
+            )
     low, high = corners.min(axis=0), taxel_mm.max(axis=0) + 0.47 * pitch_mm
     axes.set_xlim(low[0], high[0])
     axes.set_ylim(low[1], high[1])
     axes.set_aspect("equal")
     axes.spines[:].set_visible(False)
     return squares
-
-
-ROUNDING = 1e-9
-"""What is less than this, in any unit shown, is zero."""
 
 
 @styled

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ertskin.evaluation.outcome import Outcome
 from ertskin.evaluation.results import MethodResult
 from ertskin.report.figures.hit_rate_by_force import hit_rate_by_force
-from ertskin.report.figures.taxel_map import taxel_map
+from ertskin.report.figures.taxel_map import ROUNDING, taxel_map
 from ertskin.report.page import Picture, Row, Section, Table
 
 LISTED = 12
@@ -31,8 +31,10 @@ def failures(methods: Sequence[MethodResult], shown: MethodResult) -> Section:
         )
         force = taxel_map(one.taxel_m, run.scores["force_rmse_one_n"].per_taxel, "force RMSE, one point / N")
         pictures.append(Picture.of(force, "Where the force is worst."))
-    where = taxel_map(outcome.taxel_m, run.scores["location_error_mm"].per_taxel, "location error / mm")
-    pictures.append(Picture.of(where, "Where the place is worst, over all test frames."))
+    away_mm = run.scores["location_error_mm"].per_taxel
+    if (away_mm > ROUNDING).any():
+        where = taxel_map(outcome.taxel_m, away_mm, "location error / mm")
+        pictures.append(Picture.of(where, "Where the place is worst, over all test frames."))
     wrong = np.flatnonzero(~_hit(outcome))
     words = (
         f"{shown.name}, seed {run.seed}, declares a wrong set of taxels in {len(wrong)} of {len(outcome.map_n)} frames."
