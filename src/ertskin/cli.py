@@ -7,6 +7,7 @@ import functools
 import hashlib
 import importlib
 import os
+import re
 import sys
 import traceback
 from collections.abc import Callable, Iterator
@@ -216,7 +217,20 @@ def _users_line(error: BaseException | None) -> str | None:
         key = error.full_key or str(error).rsplit(": ", 1)[-1]
         return f"'{key}' must be given: {key}=VALUE"
     if isinstance(error, JobFailed) or _users_fault(error):
-        return " ".join(str(error).split())
+        return _without_hydras_words(error) or " ".join(str(error).split())
+    return None
+
+
+def _without_hydras_words(error: BaseException | None) -> str | None:
+    """A choice or setting that there isn't, where Hydra would list its search path and advise to add the setting."""
+    from hydra.errors import ConfigCompositionException, MissingConfigException
+
+    if isinstance(error, MissingConfigException) and error.options and "/" in (error.missing_cfg_file or ""):
+        group, choice = str(error.missing_cfg_file).rsplit("/", 1)
+        return f"{group}={choice}: there is no such choice; there are {', '.join(error.options)}"
+    unknown = re.search(r"Could not override '([^']+)'", str(error))
+    if isinstance(error, ConfigCompositionException) and unknown is not None:
+        return f"there is no setting '{unknown[1]}': ertskin VERB --help lists a command's groups and settings"
     return None
 
 

@@ -48,8 +48,8 @@ def test_help_needs_none_of_the_heavy_packages():
     ("arguments", "words"),
     [
         (["frobnicate"], "no command 'frobnicate'"),
-        (["dashboard", "prot=1"], "prot"),
-        (["dashboard", "tracking=nowhere"], "tracking/nowhere"),
+        (["dashboard", "prot=1"], "there is no setting 'prot': ertskin VERB --help"),
+        (["dashboard", "tracking=nowhere"], "tracking=nowhere: there is no such choice; there are mlflow\n"),
         (["dashboard", "port=x"], "port must be a whole number"),
         (["dashboard", "port=["], "["),
     ],
