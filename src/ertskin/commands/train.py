@@ -57,5 +57,7 @@ def _calibrated(config: DictConfig) -> Request:
 
 
 def _tell(name: str, state: str, job: Job) -> None:
-    words = ", ".join(f"{metric.removeprefix('validation_')} {value:.4g}" for metric, value in job.metrics.items())
+    from ertskin.report.units import in_words
+
+    words = "; ".join(in_words(metric.removeprefix("validation_"), value) for metric, value in job.metrics.items())
     print(f"{name}: {state}: {words}\n  model {job.model}\n  run {job.run_id}")

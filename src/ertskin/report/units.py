@@ -56,3 +56,9 @@ METRICS = {
     "novel_rate": Metric("frames unlike trained ones", "novel", "%", 100.0, 1),
     **{name: metric for count, words in CONTACTS.items() for name, metric in _anywhere(count, words).items()},
 }
+
+
+def in_words(name: str, value: float) -> str:
+    """A metric with its heading and unit; of one that isn't shown in tables name and number."""
+    metric = METRICS.get(name)
+    return f"{name.replace('_', ' ')} {value:.4g}" if metric is None else f"{metric.head} {metric.with_unit(value)}"

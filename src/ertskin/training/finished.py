@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 import shutil
 import sys
 from dataclasses import dataclass
@@ -59,17 +60,24 @@ def finished_job(folder: Path, tracking: TrackingSettings) -> Job | None:
     if not ((folder / DONE).is_file() and (folder / MODEL).is_file()):
         return None
     content = json.loads((folder / DONE).read_text(encoding="utf-8"))
-    if not _loadable(folder / MODEL, content):
-        shutil.rmtree(folder)
-        return None
-    if not is_finished(tracking.database, content["run_id"]):
-        return None
-    return Job(folder, content["run_id"], content["metrics"])
+    job = Job(folder, content["run_id"], content["metrics"])
+    if not _known_to_load(job, content):
+        if not _loads(job.model):
+            shutil.rmtree(folder)
+            return None
+        ended_s = (folder / DONE).stat().st_mtime
+        job.keep()  # Loading takes seconds: once is enough.
+        os.utime(folder / DONE, (ended_s, ended_s))  # Which job ended last stays as it is.
+    return job if is_finished(tracking.database, job.run_id) else None
 
 
-def _loadable(model: Path, content: dict[str, Any]) -> bool:
-    if content.get("model_sha256") == file_sha256(model) and content.get("networks_sha256") == networks_sha256():
-        return True
+def _known_to_load(job: Job, content: dict[str, Any]) -> bool:
+    """Whether neither the model nor any network's source has changed since it could be loaded."""
+    same = content.get("model_sha256") == file_sha256(job.model)
+    return same and content.get("networks_sha256") == networks_sha256()
+
+
+def _loads(model: Path) -> bool:
     from ertskin.models.reconstruction import Reconstruction
 
     try:
