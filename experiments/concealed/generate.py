@@ -21,7 +21,7 @@ for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
 from cases import Case, suite  # noqa: E402
 
 from ertskin.hardware.recording import write_recording  # noqa: E402
-from ertskin.hardware.virtual.bench import Bench, draw_truth  # noqa: E402
+from ertskin.hardware.virtual.bench import Bench, Truth, draw_truth  # noqa: E402
 from ertskin.hardware.virtual.bench.sealing import seal  # noqa: E402
 from ertskin.hardware.virtual.bench.strength import Ruler  # noqa: E402
 from ertskin.physics.sensor import Sensor  # noqa: E402
@@ -49,8 +49,8 @@ def chosen(options: argparse.Namespace) -> list[Case]:
     return [case if case.kind == "blind" else replace(case, plan=options.plan) for case in picked]
 
 
-def write_case(case: Case, out: Path) -> str:
-    """Record one hidden skin and seal its truth; returns the commitment."""
+def draw(case: Case) -> tuple[Truth, dict[str, Any]]:
+    """The truth of a case's skin, and what is sealed about it (class, plan, own ratios)."""
     ruler = Ruler(case.seed, case.noise.white_v, case.noise.force_n)
     strengths: dict[str, float] = {}
     own: dict[str, dict[str, float]] = {}
@@ -59,13 +59,19 @@ def write_case(case: Case, out: Path) -> str:
         own[name] = {"asked": ratio, "own": reached.own, "voltage": reached.voltage}
         own[name] |= {"reciprocal": reached.reciprocal, "force": reached.force}
     truth = draw_truth(ruler.sensor, case.seed, strengths, case.noise)
+    return truth, {"kind": case.kind, "plan": case.plan, "ratios": own}
+
+
+def write_case(case: Case, out: Path) -> str:
+    """Record one hidden skin and seal its truth; returns the commitment."""
+    truth, about = draw(case)
     recording = replace(Bench(truth).recording(case.plan), rig=case.name, comment="")
     if case.wrong_guesses and recording.sensor is not None:
         recording = replace(recording, sensor=_misdescribed(recording.sensor))
     path = out / "recordings" / f"{case.name}.h5"
     path.parent.mkdir(parents=True, exist_ok=True)
     write_recording(path, recording)
-    return seal(path, truth, out / "sealed", {"kind": case.kind, "plan": case.plan, "ratios": own})
+    return seal(path, truth, out / "sealed", about)
 
 
 def _misdescribed(sensor: Sensor) -> Sensor:

@@ -21,7 +21,14 @@ class SealError(ValueError):
     """A truth that is missing, or is not the one committed to: one line naming the file."""
 
 
-def _commitment(nonce: str, truth: str) -> str:
+def to_seal(truth: Truth, about: Mapping[str, Any] | None = None) -> tuple[str, str]:
+    """Nonce and text that a truth is sealed as. The nonce is drawn from the truth's seed."""
+    text = json.dumps({"truth": json.loads(truth.to_json()), "about": dict(about or {})}, sort_keys=True)
+    return truth.rng("seal").bytes(16).hex(), text
+
+
+def commitment(nonce: str, truth: str) -> str:
+    """The checksum that is published: SHA-256 of nonce and truth."""
     return hashlib.sha256(f"{nonce}\n{truth}".encode()).hexdigest()
 
 
@@ -38,16 +45,15 @@ def _names(recording: Path, folder: Path) -> tuple[Path, Path]:
 def seal(recording: Path, truth: Truth, folder: Path, about: Mapping[str, Any] | None = None) -> str:
     """Put the truth of a recording, and anything ``about`` it, into ``folder``, the commitment beside the recording.
 
-    Returns the commitment. The nonce is drawn from the truth's seed: the same suite written again has the same seals.
+    Returns the commitment. The same suite written again has the same seals (``to_seal``).
     """
     folder.mkdir(parents=True, exist_ok=True)
     beside, hidden = _names(recording, folder)
-    text = json.dumps({"truth": json.loads(truth.to_json()), "about": dict(about or {})}, sort_keys=True)
-    nonce = truth.rng("seal").bytes(16).hex()
-    commitment = _commitment(nonce, text)
+    nonce, text = to_seal(truth, about)
+    checksum = commitment(nonce, text)
     _write(hidden, {"nonce": nonce, "sealed": text})
-    _write(beside, {"recording": recording.name, "sha256": commitment})
-    return commitment
+    _write(beside, {"recording": recording.name, "sha256": checksum})
+    return checksum
 
 
 def committed(recording: Path) -> str:
@@ -65,13 +71,13 @@ def unseal(recording: Path, folder: Path) -> tuple[Truth, dict[str, Any]]:
     Raises ``SealError`` if there is none or it isn't the one committed to.
     """
     beside, hidden = _names(recording, folder)
-    commitment = committed(recording)
+    checksum = committed(recording)
     try:
         held = json.loads(hidden.read_text())
         nonce, text = held["nonce"], held["sealed"]
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise SealError(f"{recording}: no seal to open ({error})") from error
-    if _commitment(nonce, text) != commitment:
+    if commitment(nonce, text) != checksum:
         raise SealError(f"{hidden}: this is not the truth that was committed in {beside.name}")
     opened = json.loads(text)
     return Truth.from_json(json.dumps(opened["truth"])), opened["about"]

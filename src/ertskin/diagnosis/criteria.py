@@ -162,7 +162,7 @@ class Criteria:
         "half chi-square",
         "by which evidence counts as odds of e: forms are never exact, and frames of a press share their errors",
         f"{UNMEASURED}; of 21 names at 0.5 or more on 20 skins of seed 6 21 were right with it "
-        "(experiments/concealed/README.md)",
+        "(experiments/concealed/HISTORY.md)",
         above=0,
     )
     surest_confidence: float = criterion(

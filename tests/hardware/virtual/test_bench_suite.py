@@ -19,7 +19,7 @@ def study(monkeypatch: pytest.MonkeyPatch):
     """The study's scripts import each other as neighbours."""
     monkeypatch.syspath_prepend(str(FOLDER))
     yield
-    for name in ("cases", "comparable", "verdicts", "score", "generate", "rerun"):
+    for name in ("cases", "comparable", "verdicts", "score", "generate", "rerun", "redrawn"):
         sys.modules.pop(name, None)
 
 
@@ -161,6 +161,28 @@ def test_truths_are_not_opened_when_they_were_changed(tmp_path: Path):
     hidden.write_text(hidden.read_text().replace("null", "pair"))
     with pytest.raises(SealError):
         open_case("c0", tmp_path, "ours")
+
+
+def test_truths_drawn_again_are_held_to_their_seals(tmp_path: Path, monkeypatch, capsys):
+    import redrawn
+    from cases import suite
+    from generate import draw
+
+    from ertskin.hardware.virtual.bench.sealing import commitment, to_seal
+
+    first, second, *_ = [case for case in suite(3, False) if not case.ratios]
+    nonce, text = to_seal(*draw(first))
+    older = json.loads(text)
+    for name in redrawn.SINCE:
+        del older["truth"]["noise"][name]
+    seals = tmp_path / "seals.json"
+    monkeypatch.setattr("sys.argv", ["redrawn.py", str(seals), "--seed", "3"])
+    for published in (text, json.dumps(older, sort_keys=True)):
+        seals.write_text(json.dumps({first.name: commitment(nonce, published)}))
+        assert redrawn.main() == 0
+    seals.write_text(json.dumps({first.name: commitment(nonce, text), second.name: commitment(nonce, text)}))
+    assert redrawn.main() == 1
+    assert f"1 of 2 seals met; not {second.name}" in capsys.readouterr().out
 
 
 def test_a_method_is_run_once_for_each_recording(tmp_path: Path):
