@@ -36,6 +36,9 @@ BEYOND_DOUBT = 200.0
 out that fewer contacts are out of question."""
 LIGHTER = 0.05
 """A touch may be this much lighter than the lightest contact before a reading without contacts is a strange one."""
+HOPELESS = 10.0
+"""One contact more that promises to lower the misfit by less than this is not looked for: a contact known no better
+than to 3 mm and 30 % costs 15 of it in the evidence."""
 SLACK = 8.0
 """One contact more is still tried where the last one lost less than this much of the log evidence: two that are close
 may only together be better than one."""
@@ -89,7 +92,11 @@ class TouchPosterior:
         table, (low, high) = self.table, self.bounds
         spline = table.knots_x, table.knots_y, table.knots_n, table.response
         object.__setattr__(self, "_model", (spline, table.compiled(), self.spread, self.remainder, low, high))
-        object.__setattr__(self, "_scan", (place, scanned, (scanned**2).sum(axis=1), self.exchanges))
+        lightest = np.ascontiguousarray(place[force == forces[0]])
+        lightest[:, 2] = self.least_force_n
+        light = np.ascontiguousarray(self.table.alone(lightest[:, :2], lightest[:, 2]))
+        scan = place, scanned, (scanned**2).sum(axis=1), self.exchanges, lightest, light, (light**2).sum(axis=1)
+        object.__setattr__(self, "_scan", scan)
 
     @property
     def bounds(self) -> tuple[Array, Array]:
@@ -157,7 +164,7 @@ def searched(reading, proposed, model, scan, touch, covariance, logs):  # type: 
                 square = _kept(answer, width, touch, covariance)
             elif logs[count] < best - SLACK:
                 break
-        if count == len(touch) or square < SATISFIED:
+        if count == len(touch) or square < SATISFIED or not hopeful(reading, answer[0], model, scan):
             break
         answer = _extended(reading, answer[0], model, scan, STARTS)
     square = _fewer(reading, model, square, touch, covariance, logs)
@@ -231,6 +238,32 @@ def _lightest(reading, model, scan, square):  # type: ignore[no-untyped-def]
     place = next_contacts(reading, np.empty((0, 3)), model, scan, 1)
     place[0, 2] = low[2]
     return min(square, descended(reading, place, spline, cells, spread, remainder, lighter, high)[1] / len(reading))
+
+
+@njit(cache=True, nogil=True)
+def hopeful(reading, now, model, scan):  # type: ignore[no-untyped-def]
+    """Whether one contact more, as light as they can be or stronger, may lower the misfit by as much as its place and
+    force cost in the evidence, those there are (C,3) following as straight as they look."""
+    count, width = len(now), len(reading)
+    if count == 0:
+        return True
+    places, responses, squares = scan[4:]
+    predicted, rows = np.empty(width), np.empty((2 * NUISANCES * count, width))
+    linearised(now, model[0], added_by(now, model[1], width), model[2], predicted, rows)
+    left = reading - predicted
+    variance = 1.0 + model[3] ** 2 * (predicted @ predicted) / width
+    products = rows @ rows.T
+    for k in range(len(rows)):
+        products[k, k] += variance if k < NUISANCES * count else 1e-9 * products[k, k] + 1e-12
+    seen = responses @ rows.T
+    taken = np.linalg.solve(products, np.ascontiguousarray(seen.T))
+    by_left = (responses @ left - (rows @ left) @ taken) / variance
+    for k in range(len(places)):
+        own = (squares[k] - seen[k] @ taken[:, k]) / variance
+        share = max(by_left[k] / own, 1.0)
+        if 2.0 * share * by_left[k] - share**2 * own > HOPELESS:
+            return True
+    return False
 
 
 @njit(inline="always")
