@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import io
+import itertools
 
 import numpy as np
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.image import imread
 
@@ -151,3 +153,16 @@ def test_long_names_leave_the_panel_its_room():
     for figure in (compared, by_force):
         png(figure)
         assert figure.axes[0].get_position().width > 0.5
+
+
+def test_long_names_do_not_overlap():
+    names = [
+        "ridge",
+        *(f"paper (data.plan.denoiser_trials {k}, data.plan.shard 600, data.plan.steps 100)" for k in "12"),
+    ]
+    figure = method_comparison(names, [np.ones(1)] * 3, "hit rate / %", [False, True, True], paper=0.8)
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()
+    boxes = [label.get_window_extent(canvas.get_renderer()) for label in figure.axes[0].get_yticklabels()]
+    boxes.sort(key=lambda box: box.y0)
+    assert all(below.y1 <= above.y0 for below, above in itertools.pairwise(boxes))

@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
 from numpy.typing import NDArray
 
-from ertskin.report.figures.style import BLUE, FAINT, panels, styled
+from ertskin.report.figures.style import BLUE, FAINT, in_lines, panels, styled
 
 Array = NDArray[np.float64]
 LEAST = 0.01
@@ -33,6 +33,6 @@ def before_and_after(names: list[str], labels: list[str], values: Array) -> Figu
         axis.xaxis.set_minor_formatter(NullFormatter())
         axis.set_yticks(place, labels if number == 0 else [""] * len(labels))
         axis.grid(axis="y", color=FAINT, lw=0.4)
-        axis.set(title=name, xlabel="error, in the unit of its line")
+        axis.set(title=in_lines(name, 44), xlabel="error, in the unit of its line")
     axes[0].legend()
     return figure

@@ -21,9 +21,10 @@ def method_comparison(
 ) -> Figure:
     """``values[k]`` (S,): one value per seed of method ``names[k]``; learned networks stand out in colour."""
     written = [in_lines(name) for name in names]
-    lines = [1 + name.count("\n") for name in written]
-    figure, (axes,) = panels(width=4.4, height=0.26 * len(names) + 0.14 * (sum(lines) - len(lines)) + 0.9)
-    place = np.arange(len(names))[::-1]
+    # A row is as high as its name has lines.
+    room = np.array([1 + 0.54 * name.count("\n") for name in written])
+    figure, (axes,) = panels(width=4.4, height=0.26 * room.sum() + 0.9)
+    place = room.sum() - np.cumsum(room) + 0.5 * room
     for y, value, own in zip(place, values, learned, strict=True):
         colour = BLUE if own else INK
         axes.plot(value, np.full(len(value), y), "|", ms=6, color=colour, alpha=0.5)
@@ -31,9 +32,9 @@ def method_comparison(
         axes.plot([value.min(), value.max()], [y, y], lw=0.9, color=colour)
     if paper is not None:
         axes.axvline(paper, color=ORANGE, lw=0.9, ls="--")
-        axes.text(paper, len(names) - 0.45, "published", color=ORANGE, fontsize=7, ha="center", va="bottom")
+        axes.text(paper, room.sum() + 0.05, "published", color=ORANGE, fontsize=7, ha="center", va="bottom")
     axes.set_yticks(place, written)
-    axes.set_ylim(-0.6, len(names) - 0.3)
+    axes.set_ylim(-0.1, room.sum() + 0.2)
     axes.grid(axis="y", color=FAINT, lw=0.4)
     axes.spines["left"].set_visible(False)
     axes.tick_params(axis="y", length=0)
