@@ -124,6 +124,28 @@ class TouchPosterior:
         probability = np.where(np.isfinite(touch[..., 2]), there, np.nan)
         return Beliefs(touch[..., :2], touch[..., 2], covariance, probability, share, misfit)
 
+    def begun(self, reading: Array, proposed: Array, held: Array) -> Array:
+        """(C,3) contacts to begin from in a reading (D,): those ``proposed`` (C,3), NaN for none, or ``held`` (n,3) of
+        the scan before, where these aren't fewer and leave less of it as they are."""
+        offered = np.ascontiguousarray(proposed[np.isfinite(proposed[:, 0])])
+        model = self._model  # type: ignore[attr-defined]
+        if len(held) < len(offered) or unexplained(reading, held, model) >= unexplained(reading, offered, model):
+            return proposed
+        begun = np.full_like(proposed, np.nan)
+        begun[: len(held)] = held
+        return begun
+
+
+@njit(cache=True, nogil=True)
+def unexplained(reading, touch, model):  # type: ignore[no-untyped-def]
+    """Sum of squares of what contacts (C,3) leave of a reading (D,)."""
+    if len(touch) == 0:
+        return reading @ reading
+    predicted, rows = np.empty(len(reading)), np.empty((2 * NUISANCES * len(touch), len(reading)))
+    linearised(touch, model[0], added_by(touch, model[1], len(reading)), model[2], predicted, rows)
+    left = reading - predicted
+    return left @ left
+
 
 @njit(cache=True, nogil=True)
 def stated(touch, spline, error, widening, covariance):  # type: ignore[no-untyped-def]

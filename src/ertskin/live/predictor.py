@@ -67,19 +67,26 @@ class Predictor:
         flat = np.ascontiguousarray(change_v, dtype=np.float32).reshape(len(change_v), -1)
         return self._estimate({"change_v": flat})
 
-    def estimate_coordinates(self, coordinates_v: Array) -> Estimate:
-        """Touches of (N,n) changes of the whitened coordinates, in volt: the same, faster where these are known."""
-        nothing = np.zeros((0, self.kind.shape[0] * self.kind.shape[1]), dtype=np.float32)
-        return self._estimate({"change_v": nothing, COORDINATES: coordinates_v.astype(np.float32)})
+    def estimate_coordinates(self, coordinates_v: Array, held: Array | None = None) -> Estimate:
+        """Touches of (N,n) changes of the whitened coordinates, in volt: the same, faster where these are known.
 
-    def _estimate(self, given: dict[str, NDArray[np.float32]]) -> Estimate:
+        ``held`` (C,3): contacts of the scan before, x, y in metre and force in newton. The search in the first
+        scan begins from them where they explain it better than what the network proposes.
+        """
+        nothing = np.zeros((0, self.kind.shape[0] * self.kind.shape[1]), dtype=np.float32)
+        return self._estimate({"change_v": nothing, COORDINATES: coordinates_v.astype(np.float32)}, held)
+
+    def _estimate(self, given: dict[str, NDArray[np.float32]], held: Array | None = None) -> Estimate:
         answers: list[Any] = self._session.run(None, given)
         probability, force = (answer.astype(float) for answer in answers[:2])
         if self._posterior is not None:
             place_m = answers[2].astype(float)
             settings = (self.kind.spacing_m, self.kind.threshold, self._posterior.most)
             proposed = proposals(probability, force, place_m, *settings)
-            return estimate_of(self._posterior.of(answers[3].astype(float), proposed), self.kind.taxel_m)
+            readings = answers[3].astype(float)
+            if held is not None:
+                proposed[0] = self._posterior.begun(readings[0], proposed[0], held)
+            return estimate_of(self._posterior.of(readings, proposed), self.kind.taxel_m)
         if self.kind.kind == "places":
             votes = zip(probability, force, answers[2].astype(float), strict=True)
             radius = 0.5 * self.kind.spacing_m

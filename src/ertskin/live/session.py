@@ -101,6 +101,7 @@ class Session:
         self._lost = 0
         self._times: deque[float] = deque(maxlen=20)
         self._drift: deque[float] = deque(maxlen=5)
+        self._held: Array | None = None
         taxels = len(predictor.kind.taxel_m)
         self._nothing = Estimate(np.zeros((1, taxels)), np.zeros((1, taxels), dtype=bool))
 
@@ -115,7 +116,7 @@ class Session:
         self._times.append(scan.time_s)
         if self._zero_asked:
             self._zero_asked = False
-            self._gathered, self._gathered_s, self._rest_v = [], [], None
+            self._gathered, self._gathered_s, self._rest_v, self._held = [], [], None, None
             self._drift.clear()
         if self._rest_v is None:
             self._gather(scan)
@@ -129,6 +130,7 @@ class Session:
         estimate = self._nothing if seen.at_rest else self._answered(seen)
         novelty, at_rest = watch.judged(seen, estimate)
         estimate = self._nothing if at_rest else estimate
+        self._held = held_in(estimate)
         latency = time.perf_counter() - begin
         if not estimate.present.any():
             self._drift.append(float(np.sqrt(max(0.0, seen.surprise * watch.monitor.resting.limit - 1.0))))
@@ -137,7 +139,7 @@ class Session:
 
     def _answered(self, seen: SeenScan) -> Estimate:
         if self._predictor.reads_coordinates:
-            return self._predictor.estimate_coordinates(seen.coordinates_v[None])
+            return self._predictor.estimate_coordinates(seen.coordinates_v[None], self._held)
         return self._predictor.estimate(seen.change_v[None])
 
     def _seen_by_zero(self, scan: Scan) -> LiveFrame:
@@ -206,6 +208,14 @@ def noise_of(scans_v: Array) -> float:
     # Noise far below a count of the converter makes most differences 0: then none is left out.
     most = SPIKE_SIGMAS * 1.4826 * float(np.median(step)) or np.inf
     return float(np.sqrt(np.mean(np.square(step[step <= most]))))
+
+
+def held_in(estimate: Estimate) -> Array | None:
+    """(C,3) x, y and force of the first frame's contacts; None of a network that doesn't place them itself."""
+    if estimate.contact_m is None or estimate.contact_force_n is None:
+        return None
+    found = np.column_stack([estimate.contact_m[0], estimate.contact_force_n[0]])
+    return np.asarray(found[np.isfinite(found[:, 2])])
 
 
 def contacts_of(estimate: Estimate, taxel_m: Array) -> tuple[Contact, ...]:

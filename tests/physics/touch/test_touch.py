@@ -138,6 +138,17 @@ def test_a_table_in_fewer_coordinates_reads_the_same(posterior):
     assert np.allclose(one.contact_m, other.contact_m, atol=1e-6, equal_nan=True)
 
 
+def test_a_search_begins_from_the_scan_before_where_that_explains_more(posterior):
+    held = np.array([[0.02, 0.02, 2.0], [0.06, 0.04, 3.0]])
+    both = posterior.table.change(held[None, :, :2], held[None, :, 2])[0]
+    overlooked, lifted = np.full((2, 4, 3), np.nan)
+    overlooked[0], lifted[0] = held[0], held[1]
+    np.testing.assert_array_equal(posterior.begun(both, overlooked, held)[:2], held)
+    one = posterior.table.change(held[None, 1:, :2], held[None, 1:, 2])[0]
+    np.testing.assert_array_equal(posterior.begun(one, lifted, held), lifted)
+    np.testing.assert_array_equal(posterior.begun(both, overlooked, held[:0]), overlooked)
+
+
 def test_a_response_is_the_same_on_more_forces() -> None:
     table = toy_table()
     place, force = np.array([[0.03, 0.04], [0.05, 0.02]]), np.array([0.7, 3.3])
