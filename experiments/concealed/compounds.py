@@ -26,6 +26,7 @@ def compound(name: str, seed: int, hidden: dict[str, tuple[str, float]], presses
     return Case(name, "compound", seed, "square16", "neoprene", "full", presses, effects, **more)  # type: ignore[arg-type]
 
 
+SKEW_AND_DRIFT = {"scan_skew": ("first_order_lag", 8.0), "temperature_drift": ("newton_with_gradient", 2.0)}
 CASES = (
     compound(
         "d02",
@@ -39,6 +40,8 @@ CASES = (
     compound(
         "d12", 212, {"piezo_creep": ("fractional_kelvin", 2.0), "temperature_drift": ("newton_with_gradient", 2.0)}
     ),
+    compound("d13", 115, {"piezo_inhomogeneity": ("hills", 4.0), **SKEW_AND_DRIFT}),
+    compound("d14", 115, {"piezo_inhomogeneity": ("patch_lots", 4.0), **SKEW_AND_DRIFT}),
 )
 
 

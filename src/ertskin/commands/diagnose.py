@@ -148,8 +148,8 @@ def _retrain(retraining: Retraining, diagnosis: Diagnosis, source: Path, out: Pa
     from ertskin.diagnosis.output.names import config_name
     from ertskin.diagnosis.output.summary import print_retrained
 
-    if not diagnosis.claims:
-        console.print("nothing was named: there is nothing to retrain with")
+    if not diagnosis.effects:
+        console.print("no effect is handed on: there is nothing to retrain with")
         return
     retrained = retraining.compared(source, config_name(source), out / "retrained")
     print_retrained(console, retrained)

@@ -115,7 +115,7 @@ def _diagnosis(source: Path, criteria: Criteria) -> Found:
     same = earlier.get("criteria", asdict(DEFAULT)) == asdict(criteria)
     if not same or earlier.get("recording_sha256") != file_sha256(source):
         return Found()
-    return Found(folder, name if earlier["effects"] else None)
+    return Found(folder, name if earlier.get("handed_on", bool(earlier["effects"])) else None)
 
 
 def _read(path: Path) -> dict[str, Any]:

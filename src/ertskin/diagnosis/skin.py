@@ -13,7 +13,7 @@ from ertskin.diagnosis.criteria import DEFAULT, Criteria
 from ertskin.diagnosis.design.doubtful_claim import settling_press
 from ertskin.diagnosis.fit.joint_fit import Solved, Term, VoltageProblem
 from ertskin.diagnosis.judge.answer import answered
-from ertskin.diagnosis.judge.held_out import Predictions, predictions, ratio, unspoilt
+from ertskin.diagnosis.judge.held_out import Predictions, predictions, ratio
 from ertskin.diagnosis.judge.quantities import with_quantities
 from ertskin.diagnosis.judge.remainder import remainder
 from ertskin.diagnosis.judge.repeatability import Repeatability, repeatability
@@ -24,6 +24,7 @@ from ertskin.diagnosis.linear.linear_skin import LinearSkin
 from ertskin.diagnosis.recording.evidence import CannotTell, Evidence, gather
 from ertskin.diagnosis.recording.split import fitted_and_held
 from ertskin.diagnosis.rest.baseline import Baseline, calibrated
+from ertskin.diagnosis.search.foretold import that_foretells
 from ertskin.diagnosis.search.form_error import form_error
 from ertskin.diagnosis.search.selection import Selection, select
 from ertskin.hardware.recording import Recording
@@ -78,9 +79,8 @@ def _diagnose(
     plain = _plain(evidence, baseline, family, fitted, selection)
     report(0.85, "predicting presses no fit has seen")
     found = predictions(evidence, baseline, plain, selection, family, held)
-    if found.ratio_after > criteria.mismatch_ratio:
+    if selection.chosen and found.ratio_after > criteria.mismatch_ratio:
         found = replace(found, known_ratio=_known_ratio(evidence, baseline, family, selection, found))
-    selection, found = unspoilt(evidence, baseline, selection, family, found)
     skin = family.skin(selection.after.calibration, selection.after.effects)
     differ = _presses_that_differ(selection, skin) if found.ratio_after > criteria.mismatch_ratio else None
     findings = with_quantities(answered(name, evidence, baseline, selection, found, differ), family)
@@ -107,7 +107,8 @@ def _selected(
     begun = [(Term(f.effect, f.free), f.rivals) for f in baseline.specimen_findings]
     if baseline.displaced is not None:
         begun.append((Term(baseline.displaced, tuple(baseline.displaced.parameters())), ()))
-    return selector(build, fixed, begun, start, _partitions(_cells(evidence, fitted)), report)
+    partitions = _partitions(_cells(evidence, fitted))
+    return that_foretells(selector(build, fixed, begun, start, partitions, report), partitions)
 
 
 def _plain(evidence: Evidence, baseline: Baseline, family: SkinFamily, fitted: Indices, selection: Selection) -> Solved:

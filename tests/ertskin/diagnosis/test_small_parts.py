@@ -123,6 +123,17 @@ def test_written_diagnosis_keeps_the_contract_and_its_effects_build(tmp_path) ->
     assert build_effects(yaml.safe_load(written.read_text())) == (effect,)
 
 
+def test_names_that_spoil_the_prediction_are_said_but_not_handed_on() -> None:
+    held = HeldOut("s", 2e-5, 2.3, 7.7, 0.5)
+    said = Diagnosis("a.h5", "partly_explained", held, claims=(Claim(PiezoHysteresis(width=0.1), 0.4, 2.0, {}),))
+    assert said.effects
+    assert said.plain()["handed_on"] is True
+    spoilt = replace(said, spoilt=True)
+    assert spoilt.effects == ()
+    assert spoilt.plain()["handed_on"] is False
+    assert spoilt.plain()["effects"] == said.plain()["effects"]
+
+
 def strokes(presses: int) -> History:
     depth = np.tile(np.r_[np.nan, 0.5e-3 * np.arange(1, 9), [4e-3] * 3, 0.5e-3 * np.arange(7, 0, -1)], presses)
     phase = np.tile(np.r_[0, np.ones(8), np.full(3, 2), np.full(7, 3)], presses).astype(np.uint8)

@@ -144,6 +144,20 @@ class HeldOut:
     force_before_n: float | None = None
     force_after_n: float | None = None
 
+    def plain(self) -> dict[str, Any]:
+        """As ``diagnosis.json`` wants it."""
+        force = None
+        if self.force_before_n is not None:
+            force = {"rmse_before_n": self.force_before_n, "rmse_after_n": self.force_after_n}
+        return {
+            "split": self.split,
+            "noise_rms_v": self.noise_rms_v,
+            "ratio_before": self.ratio_before,
+            "ratio_after": self.ratio_after,
+            "p_value": self.p_value,
+            "force": force,
+        }
+
 
 @dataclass(frozen=True)
 class Diagnosis:
@@ -152,7 +166,8 @@ class Diagnosis:
     ``remainder_ratio``: held-out misfit where a model without a name predicts what the names leave; ``presses_differ``
     how presses scatter where that is most of what the names leave; ``specimen`` whether it "agrees" or "disagrees" with
     the skin; ``tried`` the sets of effects fitted to the readings, in order; ``calibration`` what was fitted together
-    with the effects, to be simulated with them.
+    with the effects, to be simulated with them; ``spoilt``: presses that no fit has seen are predicted worse with the
+    effects than without, and none is to be simulated.
     """
 
     recording: str
@@ -173,32 +188,22 @@ class Diagnosis:
     specimen: str | None = None
     tried: tuple[Tried, ...] = ()
     calibration: Calibration | None = None
+    spoilt: bool = False
     extra: dict[str, Any] = field(default_factory=dict)
 
     @property
     def effects(self) -> tuple[Effect, ...]:
-        """The effects claimed, with the parameters found."""
-        return tuple(claim.effect for claim in self.claims)
+        """The effects to be simulated: those claimed, with the parameters found, unless they spoil predictions."""
+        return () if self.spoilt else tuple(claim.effect for claim in self.claims)
 
     def plain(self) -> dict[str, Any]:
         """The contract's dictionary."""
-        held = self.held_out
-        force = None
-        if held.force_before_n is not None:
-            force = {"rmse_before_n": held.force_before_n, "rmse_after_n": held.force_after_n}
         document = {
             "format": "ertskin-diagnosis",
             "format_version": 1,
             "recording": self.recording,
             "verdict": self.verdict,
-            "held_out": {
-                "split": held.split,
-                "noise_rms_v": held.noise_rms_v,
-                "ratio_before": held.ratio_before,
-                "ratio_after": held.ratio_after,
-                "p_value": held.p_value,
-                "force": force,
-            },
+            "held_out": self.held_out.plain(),
             "where": {
                 "stage": self.stage,
                 "electrodes": list(self.electrodes),
@@ -207,6 +212,7 @@ class Diagnosis:
                 "depends_on": list(self.depends_on),
             },
             "effects": [claim.plain() for claim in self.claims],
+            "handed_on": bool(self.effects),
             "unexplained": {
                 "ratio": self.unexplained_ratio,
                 "depends_on": list(self.unexplained_depends_on),

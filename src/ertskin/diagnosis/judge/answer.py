@@ -22,7 +22,7 @@ from ertskin.diagnosis.criteria import Criteria
 from ertskin.diagnosis.fit.nonreciprocal import acquires
 from ertskin.diagnosis.force.claims import ForceAnswer, force_answer
 from ertskin.diagnosis.judge.axis_tests import AxisTest, axis_tests, depends_on
-from ertskin.diagnosis.judge.confidence import left_over, mending, overshadowed, reasoned, standing_only
+from ertskin.diagnosis.judge.confidence import left_over, mending, overshadowed, reasoned, spoiling, standing_only
 from ertskin.diagnosis.judge.contact_drift_claims import drift_claims
 from ertskin.diagnosis.judge.held_out import Predictions, broad_ratio, misfit_p
 from ertskin.diagnosis.judge.repeatability import Repeatability
@@ -36,6 +36,8 @@ from ertskin.diagnosis.search.selection import Chosen, Selection
 from ertskin.physics.effects.effect import Stage, shown_by
 from ertskin.physics.effects.hypothesis import Measured, Signal
 from ertskin.physics.effects.registry import measured_as
+
+SPOILT = "presses that no fit has seen are predicted worse with what is named than without"
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,7 +142,8 @@ def _diagnosis(
         unexplained_ratio=left,
         unexplained_depends_on=_left_depends_on(case, tests[1]),
         presses_differ=case.differ,
-        reason=_reason(case, jitters),
+        reason=_reason(case, claims, jitters),
+        spoilt=bool(claims) and found.spoilt(case.criteria),
         specimen=case.selection.specimen,
         tried=case.selection.tried,
     )
@@ -196,6 +199,7 @@ def _rules(case: Case) -> list[tuple[str, str, Callable[[list[Claim]], list[Clai
             "it explains what stands at rest, but little of what presses change",
             lambda c: standing_only(c, residuals, rest, criteria, shown),
         ),
+        ("spoiling", SPOILT, lambda c: spoiling(c, case.found.spoilt(criteria), criteria)),
     ]
 
 
@@ -236,7 +240,7 @@ def _left_depends_on(case: Case, tests: list[AxisTest]) -> tuple[str, ...]:
     return (*depends_on(tests, case.criteria), *(("press",) if case.differ is not None else ()))
 
 
-def _reason(case: Case, jitters: bool) -> str | None:
+def _reason(case: Case, claims: list[Claim], jitters: bool) -> str | None:
     """What is plainly wrong though no effect's name is for it."""
     said = [
         f"channel {k} repeats its last readings in {case.evidence.repeats[k]} frames, where they are left out:"
@@ -252,6 +256,8 @@ def _reason(case: Case, jitters: bool) -> str | None:
         for name, told, points in told_points(case.selection.after, case.evidence.sensor)
         if told < points
     ]
+    if claims and case.found.spoilt(case.criteria):
+        said.append(f"{SPOILT}: no effect is handed on, press more places")
     if case.selection.specimen == "disagrees":
         said.append("the specimen and the skin disagree, two pieces of fabric: the skin is judged by its own readings")
     return "; ".join(said) or None

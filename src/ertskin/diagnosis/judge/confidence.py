@@ -54,6 +54,11 @@ def left_over(
     return [replace(c, confidence=c.confidence * share(c)) for c in claims]
 
 
+def spoiling(claims: Sequence[Claim], spoilt: bool, criteria: Criteria) -> list[Claim]:
+    """Names are half as sure where presses that no fit has seen are predicted worse with them than without."""
+    return [replace(c, confidence=criteria.doubted_share * c.confidence) for c in claims] if spoilt else list(claims)
+
+
 def left_over_of_force(claims: Sequence[Claim], before: float, after: float, criteria: Criteria) -> list[Claim]:
     """The same for claims that the load cell made, with its misfits over its noise, where what is left is sure."""
     return [replace(c, confidence=c.confidence * _explained(before, after, criteria)) for c in claims]

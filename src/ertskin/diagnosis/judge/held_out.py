@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
+from ertskin.diagnosis.criteria import Criteria
 from ertskin.diagnosis.fit.full_scans import full_scans
 from ertskin.diagnosis.fit.joint_fit import Solved
 from ertskin.diagnosis.linear.calibration_vector import SkinFamily
@@ -46,6 +47,10 @@ class Predictions:
         """Misfit over noise with what was named."""
         return ratio(self.after)
 
+    def spoilt(self, criteria: Criteria) -> bool:
+        """Whether what was named predicts worse than the plain simulator."""
+        return self.ratio_after > criteria.mismatch_ratio * self.ratio_before
+
     @property
     def ratio_judged(self) -> float:
         """The misfit that speaks against what was named."""
@@ -63,19 +68,6 @@ def predictions(
         _residual(evidence, before, baseline.plain_force_n, held),
         _residual(evidence, after, baseline.force_n, held),
     )
-
-
-def unspoilt(
-    evidence: Evidence, baseline: Baseline, selection: Selection, family: SkinFamily, found: Predictions
-) -> tuple[Selection, Predictions]:
-    """The selection and its prediction; without its terms where they spoil presses that no fit has seen."""
-    if not selection.chosen:
-        return selection, found
-    plain = family.remeshed(selection.before.calibration, selection.before.effects)
-    without = _residual(evidence, plain, baseline.force_n, found.held)
-    if found.ratio_judged <= evidence.criteria.mismatch_ratio * ratio(without):
-        return selection, found
-    return replace(selection, after=selection.before, chosen=()), replace(found, after=without, known_ratio=None)
 
 
 def _residual(evidence: Evidence, skin: Skin, force_n: Array, held: Indices) -> Array:

@@ -17,8 +17,10 @@ from ertskin.diagnosis.judge.confidence import (
     mending,
     overshadowed,
     reasoned,
+    spoiling,
     standing_only,
 )
+from ertskin.diagnosis.judge.held_out import Predictions
 from ertskin.physics.effects.effect import Effect
 from ertskin.physics.effects.nonlinear_foam import NonlinearFoam
 from ertskin.physics.effects.piezo_creep import PiezoCreep
@@ -50,6 +52,20 @@ def test_a_foam_that_leaves_force_unexplained_is_less_sure() -> None:
     lost_motion = [claim(NonlinearFoam(stiffening=0.5), 1.5)]
     assert left_over_of_force(lost_motion, 2.0, 1.0, DEFAULT) == lost_motion
     assert left_over_of_force(lost_motion, 2.0, 1.5, DEFAULT)[0].confidence == pytest.approx(0.95 * 0.3815, abs=0.01)
+
+
+def test_names_that_spoil_the_prediction_are_half_as_sure() -> None:
+    claims = [claim(SheetAnisotropy(stretch_x=0.1), 2.0)]
+    assert spoiling(claims, False, DEFAULT) == claims
+    assert spoiling(claims, True, DEFAULT)[0].confidence == pytest.approx(0.475)
+
+
+def test_presses_predicted_worse_than_by_the_plain_simulator_are_spoilt() -> None:
+    before, little, more = (np.full((4, 3), size) for size in (2.0, 2.05, 2.2))
+    held = np.arange(4)
+    assert not Predictions(held, before, little).spoilt(DEFAULT)
+    # However little is known of a field where nothing pressed: a network would learn what is predicted there.
+    assert Predictions(held, before, more, known_ratio=1.0).spoilt(DEFAULT)
 
 
 def test_a_small_claim_beside_strong_kin_may_only_mend_its_form() -> None:

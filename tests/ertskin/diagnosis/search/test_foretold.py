@@ -1,0 +1,78 @@
+"""Terms that spoil cells held out go, by fits of all the other cells; those that foretell them stay."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from ertskin.diagnosis.criteria import DEFAULT
+from ertskin.diagnosis.search import foretold
+from ertskin.diagnosis.search.foretold import cost_held_out, that_foretells
+from ertskin.diagnosis.search.selection import Selection
+
+PLACE = np.linspace(-1, 1, 12)
+PARTITIONS = [[k] for k in range(6)]
+
+
+@dataclass
+class Line:
+    """Stands for the joint fit: readings at twelve places, fitted by polynomials; a skin is its coefficients."""
+
+    reading: np.ndarray
+    weight: np.ndarray = field(default_factory=lambda: np.ones(12))
+    cells: np.ndarray = field(default_factory=lambda: np.arange(12) // 2)
+    family: Any = field(default_factory=lambda: SimpleNamespace(skin=lambda calibration, effects: effects))
+    evidence: Any = field(default_factory=lambda: SimpleNamespace(criteria=DEFAULT))
+
+    def solve(self, terms: int, calibration: None, steps: int = 15) -> Any:
+        kept = self.weight > 0
+        found = np.linalg.lstsq(np.vander(PLACE[kept], terms), self.reading[kept], rcond=None)[0]
+        residual = np.where(kept, self.reading - np.vander(PLACE, terms) @ found, 0.0)[:, None]
+        return SimpleNamespace(terms=terms, calibration=None, effects=found, scan_residual=residual)
+
+    def scan_residual(self, skin: np.ndarray) -> np.ndarray:
+        return np.asarray((self.reading - np.vander(PLACE, len(skin)) @ skin)[:, None])
+
+
+def chosen_of(monkeypatch: pytest.MonkeyPatch, reading: np.ndarray, order: int) -> Selection:
+    problem = Line(reading)
+    monkeypatch.setattr(foretold, "held_out", lambda solved, partitions: np.array([np.inf]))
+    before, after = problem.solve(1, None), problem.solve(order, None)
+    selection = Selection(before, after, ("a term",), problem, ())  # type: ignore[arg-type]
+    return that_foretells(selection, PARTITIONS)
+
+
+def noise() -> np.ndarray:
+    return np.random.default_rng(0).normal(size=12)
+
+
+def test_a_cell_is_predicted_by_the_others() -> None:
+    problem = Line(noise())
+    out = problem.cells == 2
+    rest = problem.reading[~out].mean()
+    by_rest = 0.5 * float(((problem.reading[out] - rest) ** 2).sum())
+    assert foretold._cost_of(problem, problem.solve(1, None), out) == pytest.approx(by_rest)  # type: ignore[arg-type]
+    whole = cost_held_out(problem, problem.solve(1, None), PARTITIONS)  # type: ignore[arg-type]
+    assert whole > 0.5 * float(((problem.reading - problem.reading.mean()) ** 2).sum())
+
+
+def test_terms_that_foretell_stay(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert chosen_of(monkeypatch, 20 * PLACE + noise(), 2).chosen
+
+
+def test_terms_that_spoil_go_though_they_fit_better(monkeypatch: pytest.MonkeyPatch) -> None:
+    left = chosen_of(monkeypatch, noise(), 9)
+    assert not left.chosen
+    assert left.after is left.before
+
+
+def test_what_a_step_from_the_fit_foretells_well_enough_is_fitted_no_further(monkeypatch: pytest.MonkeyPatch) -> None:
+    problem = Line(20 * PLACE + noise())
+    selection = Selection(problem.solve(1, None), problem.solve(2, None), ("a term",), problem, ())  # type: ignore[arg-type]
+    monkeypatch.setattr(foretold, "held_out", lambda solved, partitions: np.array([1.0]))
+    monkeypatch.setattr(foretold, "cost_held_out", lambda *given: pytest.fail("fitted"))
+    assert that_foretells(selection, PARTITIONS) is selection
