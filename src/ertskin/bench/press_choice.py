@@ -24,7 +24,7 @@ from ertskin.physics.touch.table import ResponseTable, TouchGrid
 
 Array = NDArray[np.float64]
 
-SPACING_M, FORCES = 0.01, 4
+SPACING_M, FORCES = 0.01, 6
 """Of the table that errors are foretold with: coarser than the one contacts are found with, for seconds count."""
 COMPONENTS = 96
 RESOLUTION = "fast"

@@ -22,6 +22,7 @@ from ertskin.data.local_discrepancy import (
     Process,
     coefficients,
     evidences,
+    frame_scatter,
     modes,
     slopes,
 )
@@ -76,7 +77,9 @@ class PressDesign:
         self.table, self.contact_m, self.force_n = table, contact_m, force_n
         self.same = press[:, None] == press
         basis = modes(table, contact_m, force_n)
-        numbers, self.noise = coefficients(basis, seen - table.alone(contact_m, force_n))
+        numbers, noise = coefficients(basis, seen - table.alone(contact_m, force_n))
+        self.scatter = frame_scatter(force_n, press, numbers, noise)
+        self.noise = noise + self.scatter
         self.processes = [
             likely(evidences(contact_m, force_n, press, numbers[:, m], self.noise[:, m])) for m in range(len(MODES))
         ]
@@ -93,9 +96,8 @@ class PressDesign:
         forces = np.tile(force_n, (len(place_m), 1))
         basis = modes(self.table, np.repeat(place_m, len(force_n), axis=0), forces.ravel())
         _, noise = coefficients(basis, np.zeros((len(basis), basis.shape[2])))
-        return [
-            self._accuracy(v) for v in self._variances(place_m, forces, noise.reshape(*forces.shape, len(MODES)))[1:]
-        ]
+        known = (noise + self.scatter).reshape(*forces.shape, len(MODES))
+        return [self._accuracy(variance) for variance in self._variances(place_m, forces, known)[1:]]
 
     def _accuracy(self, variance: Array) -> Accuracy:
         log_force, place_m2 = self._response.errors(variance)

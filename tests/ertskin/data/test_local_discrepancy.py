@@ -8,7 +8,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ertskin.data.local_discrepancy import ENOUGH, FEWEST, LocalDiscrepancy, modes, slopes
+from ertskin.data.local_discrepancy import (
+    ENOUGH,
+    FEWEST,
+    LocalDiscrepancy,
+    coefficients,
+    frame_scatter,
+    modes,
+    slopes,
+)
 from ertskin.errors import UserError
 from ertskin.models.contacts import ContactsNetwork
 
@@ -90,6 +98,20 @@ def test_few_places_tell_no_error():
     _, error = LocalDiscrepancy.fit(table, place, force, numbered(force), real(place, force))
     assert error.error[2] == pytest.approx(0.1)
     assert error.shape_spread == pytest.approx(np.full(3, 0.1))
+
+
+def test_what_frames_of_one_press_differ_by_is_known_and_makes_no_process_strong():
+    table, (place, force) = toy_table(), presses(3, 2)
+    press, rng = numbered(force), np.random.default_rng(3)
+    shaken = force * np.exp(rng.normal(0.0, 0.03, len(force)))
+    seen = response(place, shaken) + rng.standard_normal((len(force), 42))
+    numbers, noise = coefficients(modes(table, place, force), seen - table.alone(place, force))
+    assert np.sqrt(frame_scatter(force, press, numbers, noise)[0]) == pytest.approx(0.03, rel=0.4)
+    still = response(place, force) + rng.standard_normal((len(force), 42))
+    numbers, noise = coefficients(modes(table, place, force), still - table.alone(place, force))
+    assert np.sqrt(frame_scatter(force, press, numbers, noise)[0]) < 5e-3
+    found, _ = LocalDiscrepancy.fit(table, place, force, press, seen)
+    assert np.sqrt(found.variance[0]) < 0.05
 
 
 def test_few_places_tell_no_scatter():
