@@ -22,13 +22,14 @@ from ertskin.diagnosis.judge.undetermined_field import ratio_with_what_is_unknow
 from ertskin.diagnosis.linear.calibration_vector import SHAPE, Calibration, SkinFamily
 from ertskin.diagnosis.linear.linear_skin import LinearSkin
 from ertskin.diagnosis.recording.evidence import CannotTell, Evidence, gather
-from ertskin.diagnosis.recording.split import fitted_and_held
+from ertskin.diagnosis.recording.split import all_of_few, fitted_and_held
 from ertskin.diagnosis.rest.baseline import Baseline, calibrated
 from ertskin.diagnosis.search.foretold import that_foretells
 from ertskin.diagnosis.search.form_error import form_error
 from ertskin.diagnosis.search.selection import Selection, select
 from ertskin.hardware.recording import Recording
 from ertskin.physics.conduction.mesh import MeshError
+from ertskin.physics.effects.hypothesis import Measured
 from ertskin.physics.skin import Skin
 
 Array = NDArray[np.float64]
@@ -89,7 +90,26 @@ def _diagnose(
         findings = _with_remainder(findings, selection, found)
     report(0.92, "looking for the press that would settle what is in doubt")
     press = settling_press(evidence, skin, baseline.force_noise.rms_n, findings.diagnosis.claims)
-    return replace(findings, diagnosis=replace(findings.diagnosis, next_press=press))
+    findings = replace(findings, diagnosis=replace(findings.diagnosis, next_press=press))
+    everything = all_of_few(evidence)
+    if everything is None or findings.diagnosis.verdict == "no_mismatch":
+        return findings
+    report(0.94, "fitting all presses, which are few, for what is handed on")
+    return _handing_on(findings, _selected(evidence, baseline, family, everything, selector, lambda share, text: None))
+
+
+def _handing_on(findings: Findings, whole: Selection) -> Findings:
+    """The findings, of which effects and calibration of a fit to all presses are handed on.
+
+    Claims stay those judged by presses held out; here each cell has been predicted by the others.
+    """
+    diagnosis = findings.diagnosis
+    limits = tuple(c.effect for c in diagnosis.claims if c.effect.hypothesis.measured == Measured.READING_LIMIT)
+    effects = (*whole.after.effects, *limits)
+    names = ", ".join(dict.fromkeys(effect.name for effect in effects)) or "no effect"
+    said = f"presses are few: handed on is what all of them show together ({names})"
+    reason = said if diagnosis.reason is None else f"{diagnosis.reason}; {said}"
+    return replace(findings, whole=whole, diagnosis=replace(diagnosis, of_all_presses=effects, reason=reason))
 
 
 def _selected(

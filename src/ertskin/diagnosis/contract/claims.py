@@ -167,7 +167,8 @@ class Diagnosis:
     how presses scatter where that is most of what the names leave; ``specimen`` whether it "agrees" or "disagrees" with
     the skin; ``tried`` the sets of effects fitted to the readings, in order; ``calibration`` what was fitted together
     with the effects, to be simulated with them; ``spoilt``: presses that no fit has seen are predicted worse with the
-    effects than without, and none is to be simulated.
+    effects than without, and none is to be simulated; ``of_all_presses``: where presses are few, the effects fitted to
+    all of them, to be simulated instead of those claimed.
     """
 
     recording: str
@@ -189,11 +190,15 @@ class Diagnosis:
     tried: tuple[Tried, ...] = ()
     calibration: Calibration | None = None
     spoilt: bool = False
+    of_all_presses: tuple[Effect, ...] | None = None
     extra: dict[str, Any] = field(default_factory=dict)
 
     @property
     def effects(self) -> tuple[Effect, ...]:
-        """The effects to be simulated: those claimed, with the parameters found, unless they spoil predictions."""
+        """The effects to be simulated: those claimed, with the parameters found, unless they spoil predictions; where
+        presses are few, those that all of them show."""
+        if self.of_all_presses is not None:
+            return self.of_all_presses
         return () if self.spoilt else tuple(claim.effect for claim in self.claims)
 
     def plain(self) -> dict[str, Any]:
@@ -213,6 +218,7 @@ class Diagnosis:
             },
             "effects": [claim.plain() for claim in self.claims],
             "handed_on": bool(self.effects),
+            "of_all_presses": None if self.of_all_presses is None else [effect.name for effect in self.of_all_presses],
             "unexplained": {
                 "ratio": self.unexplained_ratio,
                 "depends_on": list(self.unexplained_depends_on),

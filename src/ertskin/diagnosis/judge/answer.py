@@ -257,7 +257,7 @@ def _reason(case: Case, claims: list[Claim], jitters: bool) -> str | None:
         if told < points
     ]
     if claims and case.found.spoilt(case.criteria):
-        said.append(f"{SPOILT}: no effect is handed on, press more places")
+        said.append(f"{SPOILT}: it is not handed on, press more places")
     if case.selection.specimen == "disagrees":
         said.append("the specimen and the skin disagree, two pieces of fabric: the skin is judged by its own readings")
     return "; ".join(said) or None

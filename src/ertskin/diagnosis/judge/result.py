@@ -21,6 +21,7 @@ class Findings:
     """Everything the report draws from: the answer, the evidence and the models before and after.
 
     Residuals (T,P) of the held-out frames in units of the noise, for the plain simulator and with the terms named.
+    ``whole``: what was chosen from all presses, where they are few.
     """
 
     diagnosis: Diagnosis
@@ -32,3 +33,9 @@ class Findings:
     residual_after: Array | None = None
     tests_before: tuple[AxisTest, ...] = ()
     tests_after: tuple[AxisTest, ...] = ()
+    whole: Selection | None = None
+
+    @property
+    def handed_on(self) -> Selection | None:
+        """What the effects to be simulated come from."""
+        return self.selection if self.whole is None else self.whole

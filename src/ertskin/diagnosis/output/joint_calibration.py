@@ -30,9 +30,10 @@ def write_joint_calibration(root: Path, source: Path, findings: Findings) -> Pat
 
 def joint_calibration(findings: Findings) -> Calibration | None:
     """Law, moduli and contact resistances of the fit that the names come from; None where there is none."""
-    if findings.selection is None or findings.evidence is None or not findings.diagnosis.effects:
+    selection = findings.handed_on
+    if selection is None or findings.evidence is None or not findings.diagnosis.effects:
         return None
-    solved, family = findings.selection.after, findings.selection.problem.family
+    solved, family = selection.after, selection.problem.family
     fitted, first = solved.calibration, family.first
     sensor = stiffened(first.sensor, fitted.log_ratio, first.pad_n_per_m)
     support = first.support_n_per_m
