@@ -10,6 +10,7 @@ from omegaconf import OmegaConf
 
 from ertskin.calibration.fit import fit_recording
 from ertskin.calibration.store import load_calibration, save_calibration
+from ertskin.data.chosen_presses import made_presses, presses_of
 from ertskin.data.simulated import rising
 from ertskin.data.skin_forward import SkinForward
 from ertskin.data.sources import CALIBRATION, calibration_folder, calibration_path
@@ -18,7 +19,7 @@ from ertskin.diagnosis.any_recording import diagnose_any
 from ertskin.diagnosis.contract.claims import Diagnosis
 from ertskin.diagnosis.criteria import Criteria
 from ertskin.diagnosis.judge.result import Findings
-from ertskin.diagnosis.output.joint_calibration import write_joint_calibration
+from ertskin.diagnosis.output.joint_calibration import joint_calibration, write_joint_calibration
 from ertskin.hardware.recording import read_recording
 from ertskin.hardware.virtual.bench import FAST, write_bench
 from ertskin.physics.effects.registry import effects_config
@@ -66,6 +67,25 @@ def test_the_calibration_fitted_with_the_effects_is_the_one_that_is_simulated_wi
     assert own.noise_v is not None
     excess = np.array(misfits) ** 2 - own.noise_v**2
     assert excess[1] < 0.5 * excess[0]
+
+
+@pytest.mark.timeout(300)
+def test_of_few_presses_what_all_of_them_show_is_handed_on(tmp_path: Path) -> None:
+    path = tmp_path / "hidden.h5"
+    write_bench(path, "quick", {"piezo_hysteresis": 1.0}, seed=6, resolution=FAST)
+    whole = read_recording(path)
+    assert whole.frames is not None
+    few = presses_of(whole, made_presses(whole.frames)[::2].tolist())
+    found = diagnose_any(few, path.name, lambda share, text: None, "fast")
+    assert found.whole is not None
+    assert found.selection is not None
+    assert "piezo_hysteresis" in [effect.name for effect in found.diagnosis.effects]
+    presses = [np.unique(each.problem.evidence.history.press) for each in (found.selection, found.whole)]
+    assert len(presses[0]) < len(presses[1])
+    calibration = joint_calibration(found)
+    assert calibration is not None
+    np.testing.assert_array_equal(calibration.contact_resistance_ohm, found.whole.after.calibration.contact_ohm)
+    assert found.diagnosis.plain()["of_all_presses"] == [effect.name for effect in found.diagnosis.effects]
 
 
 def named_and_predicting(found: Diagnosis, name: str) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from ertskin.diagnosis.recording.evidence import CannotTell
-from ertskin.diagnosis.recording.split import fitted_and_held
+from ertskin.diagnosis.recording.split import FEW, all_of_few, fitted_and_held
 from ertskin.physics.history import History
 
 PRESSES, FRAMES = 6, 5
@@ -53,3 +53,10 @@ def test_a_press_with_neither_force_nor_depth_is_not_used() -> None:
 def test_two_presses_leave_nothing_to_predict() -> None:
     with pytest.raises(CannotTell, match="2 presses"):
         fitted_and_held(evidence(2))
+
+
+def test_all_frames_of_few_presses_and_none_of_many() -> None:
+    few = all_of_few(evidence())
+    assert few is not None
+    np.testing.assert_array_equal(few, np.arange(PRESSES * FRAMES))
+    assert all_of_few(evidence(FEW)) is None
