@@ -7,7 +7,6 @@ import functools
 import hashlib
 import importlib
 import os
-import re
 import sys
 import traceback
 from collections.abc import Callable, Iterator
@@ -228,9 +227,9 @@ def _without_hydras_words(error: BaseException | None) -> str | None:
     if isinstance(error, MissingConfigException) and error.options and "/" in (error.missing_cfg_file or ""):
         group, choice = str(error.missing_cfg_file).rsplit("/", 1)
         return f"{group}={choice}: there is no such choice; there are {', '.join(error.options)}"
-    unknown = re.search(r"Could not override '([^']+)'", str(error))
-    if isinstance(error, ConfigCompositionException) and unknown is not None:
-        return f"there is no setting '{unknown[1]}': ertskin VERB --help lists a command's groups and settings"
+    unknown = getattr(error.__cause__, "full_key", None) if isinstance(error, ConfigCompositionException) else None
+    if unknown and "Could not override" in str(error):
+        return f"there is no setting '{unknown}': ertskin VERB --help lists a command's groups and settings"
     return None
 
 

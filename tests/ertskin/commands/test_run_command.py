@@ -62,7 +62,7 @@ def test_the_main_job_learns_without_and_with_what_was_found_and_goes_on_from_wh
     results = json.loads(Path("runs/evaluate/train/evaluation.json").read_text())
     hits = scores(results, "hit_rate_one")
     assert {"reciprocal", "contacts"} <= set(hits)
-    assert {f"{name} (with sheet_inhomogeneity)" for name in ("reciprocal", "contacts")} <= set(hits)
+    assert {f"{name} (with sheet inhomogeneity)" for name in ("reciprocal", "contacts")} <= set(hits)
     assert hits["reciprocal"] >= 0.6
     # The mean place is the middle, one of the test's three.
     assert hits["mean"] == pytest.approx(1.0 / 3.0)
