@@ -11,21 +11,23 @@ from ertskin.report.figures.style import SERIES, panels, styled
 
 MEASURES = {"location_error_mm_1": "place / mm", "force_error_n_1": "force / N"}
 LINES = {
-    ("none", "chosen"): "chosen",
-    ("none", "gridded"): "gridded",
-    ("none", "random"): "random, three draws",
-    ("verdict", "chosen"): "chosen, effects of all 36",
-    ("own", "chosen"): "chosen, effects of these",
+    ("none", "chosen", False): "chosen",
+    ("none", "gridded", False): "gridded",
+    ("none", "random", False): "random, three draws",
+    ("of_these", "chosen", False): "chosen and diagnosed",
+    ("of_these", "chosen", True): "the same, network trained on them",
+    ("of_all", "all", False): "all, diagnosed",
 }
 
 
 @styled
-def force_against_presses(curve: dict[str, Any]) -> Figure:
-    """Place and force of one contact, one line for each way of choosing; the last point has all presses."""
-    figure, panel = panels(2, width=4.4)
-    for axes, (measure, label) in zip(panel, MEASURES.items(), strict=True):
-        for colour, ((effects, way), name) in zip(SERIES, LINES.items(), strict=False):
-            points = [p for p in curve["points"] if p["effects"] == effects and p["way"] in (way, "all")]
+def force_against_presses(curves: dict[str, dict[str, Any]]) -> Figure:
+    """Place and force of one contact by rig, one line for each way of choosing; the last point has all presses."""
+    figure, panel = panels(2 * len(curves), width=4.4)
+    pairs = [(rig, measure) for rig in curves for measure in MEASURES]
+    for axes, (rig, measure) in zip(panel, pairs, strict=True):
+        for colour, (line, name) in zip(SERIES, LINES.items(), strict=False):
+            points = [p for p in curves[rig]["points"] if _on(line, p)]
             counts = sorted({len(p["presses"]) for p in points})
             errors = [np.mean([p["scores"][measure] for p in points if len(p["presses"]) == n]) for n in counts]
             if counts:
@@ -35,6 +37,12 @@ def force_against_presses(curve: dict[str, Any]) -> Figure:
         axes.set_xticks([1, 2, 3, 6, 12, 36], labels=["1", "2", "3", "6", "12", "36"])
         axes.minorticks_off()
         axes.set_xlabel("calibration presses")
-        axes.set_ylabel(f"error of one contact, {label}")
-    panel[0].legend(loc="lower left")
+        axes.set_ylabel(f"{rig}, error of one contact, {MEASURES[measure]}")
+    panel[-1].legend(loc="upper right")
     return figure
+
+
+def _on(line: tuple[str, str, bool], point: dict[str, Any]) -> bool:
+    """Whether a point belongs to a line: an undiagnosed one ends with all presses."""
+    same = (point["effects"], point["retrained"]) == (line[0], line[2])
+    return same and point["way"] in (line[1], "all" if line[0] == "none" else line[1])

@@ -1,35 +1,33 @@
 """How many calibration presses does a skin need? Error of touches against presses kept of a recording.
 
-    python experiments/anywhere/few_presses/run.py DATA NETWORK EFFECTS [WORK]
+    python experiments/anywhere/few_presses/run.py DATA NETWORK [WORK]
 
-DATA holds recordings/; NETWORK is the folder of a ``model=contacts`` job trained on all of rig_a_train, which proposes;
-EFFECTS the YAML that ``ertskin diagnose`` wrote for rig_a_train. WORK (runs/few_presses) keeps what is done, so that
-the same command goes on where it was stopped; results so far lie beside this file after every point.
+DATA holds recordings/; NETWORK is the folder of a ``model=contacts`` job trained on all of rig_a_train, which proposes.
+WORK (runs/few_presses) keeps what is done, thinned recordings with their diagnoses among it, so that the same command
+goes on where it was stopped; results so far lie beside this file after every point.
 """
 
 from __future__ import annotations
 
 import json
-import shutil
 import sys
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
-import yaml
 from figures import force_against_presses
 from hydra import compose, initialize_config_dir
 from numpy.typing import NDArray
-from omegaconf import OmegaConf
+from omegaconf import DictConfig, OmegaConf
 from presses import chosen_order, gridded, places_of, random_order
 
-from ertskin import diagnose
 from ertskin.configuration import config_dir
 from ertskin.data.anywhere import anywhere
 from ertskin.data.chosen_presses import presses_of
+from ertskin.data.sources import calibration_path
 from ertskin.data.touches import Touches, touches_of
 from ertskin.evaluation.contact_outcome import ContactOutcome
 from ertskin.evaluation.metrics.contacts import contact_scores
@@ -39,8 +37,9 @@ from ertskin.models.contacts import ContactsNetwork
 from ertskin.models.deciding import proposals
 from ertskin.models.reconstruction import Reconstruction
 from ertskin.physics.calibration.rest_frames import rest_scan
-from ertskin.physics.effects.registry import effects_config
+from ertskin.physics.sensor import Sensor
 from ertskin.report.figures.image import png
+from ertskin.steps import run_step
 
 Array = NDArray[np.float64]
 HERE = Path(__file__).parent
@@ -48,8 +47,10 @@ COUNTS = (6, 3, 12, 1, 2)
 """The one that matters first."""
 DRAWS = (0, 1, 2)
 LEAST_N = 0.15
-TABLE = ("data.table.spacing_m=0.005", "data.table.forces=6")
-"""Coarser than the default: splines miss the response by 1.1 % (median) instead of 0.5 %, in half the time."""
+EFFECTS = Path("runs/conf/effects")
+"""Where ``ertskin diagnose`` writes what it found, for other commands to choose."""
+DIAGNOSED = (6, 3, 12)
+"""Numbers of chosen presses that are diagnosed by themselves, and held against gridded ones."""
 
 
 @dataclass(frozen=True)
@@ -67,48 +68,59 @@ RIGS = {
 }
 
 
+@dataclass(frozen=True)
+class Point:
+    """Presses kept, how they were found (``way``, ``draw``), which ``effects`` the simulator knows, and whether the
+    network is trained again on them."""
+
+    effects: str
+    way: str
+    draw: int
+    presses: list[int]
+    retrained: bool = False
+
+    @property
+    def name(self) -> str:
+        """What its result is kept as."""
+        again = "_retrained" if self.retrained else ""
+        return f"{self.effects}_{self.way}_{self.draw}_{len(self.presses)}{again}"
+
+
 def main() -> None:
     """Every point of both curves that isn't there yet."""
     torch.set_num_threads(1)
-    data, network, effects = (Path(word) for word in sys.argv[1:4])
-    work = Path(sys.argv[4]) if len(sys.argv) > 4 else Path("runs/few_presses")
+    data, network = (Path(word) for word in sys.argv[1:3])
+    work = Path(sys.argv[3]) if len(sys.argv) > 3 else Path("runs/few_presses")
     found: dict[str, dict[str, Any]] = {}
     for name in RIGS:
-        for so_far in curve(data, name, network, effects, work):
+        for so_far in curve(data, name, network, work):
             found[name] = so_far
             write_whole(HERE / "results.json", json.dumps(found, indent=1))
-            write_whole(HERE / "few_presses.png", png(force_against_presses(found["rig_a"])))
+            write_whole(HERE / "few_presses.png", png(force_against_presses(found)))
 
 
-def curve(data: Path, name: str, network: Path, effects: Path, work: Path) -> Iterator[dict[str, Any]]:
-    """Scores by effects, way of choosing and number of presses, after every point."""
+def curve(data: Path, name: str, network: Path, work: Path) -> Iterator[dict[str, Any]]:
+    """Scores of every point so far, after each."""
     rig = RIGS[name]
-    recording = read_recording(data / "recordings" / f"{rig.train}.h5")
+    source = data / "recordings" / f"{rig.train}.h5"
+    recording = read_recording(source)
     order, expected = kept(work / f"{name}_order.json", lambda: ordered(recording))
     tests = {test: touches_of(read_recording(data / "recordings" / f"{test}.h5")) for test in rig.tests}
-    proposed = {test: proposed_by(network, touches) if rig.proposed else None for test, touches in tests.items()}
     points: list[dict[str, Any]] = []
-    for said, way, draw, which in asked(recording, order, rig.proposed):
-        path = work / f"{name}_{said}_{way}_{draw}_{len(which)}.json"
+    for point in asked(recording, order):
 
-        def score(which: list[int] = which, said: str = said) -> dict[str, float]:
-            return judged(recording, which, named(said, recording, which, effects, work), tests, proposed, work)
+        def score(point: Point = point) -> dict[str, float]:
+            path = thinned(recording, point.presses, work / f"{name}_{point.way}_{point.draw}_{len(point.presses)}.h5")
+            simulator = known(point.effects, path, source)
+            job = trained(simulator, work / f"{name}_{point.name}") if point.retrained else network
+            proposing = point.retrained or rig.proposed
+            proposed = {test: proposed_by(job, each) if proposing else None for test, each in tests.items()}
+            return judged(recording.sensor, simulator, tests, proposed)
 
-        scores = kept(path, score)
-        print(f"{name} effects {said} {way} {draw} {len(which)}: {brief(scores)}", flush=True)
-        points.append({"effects": said, "way": way, "draw": draw, "presses": which, "scores": scores})
+        scores = kept(work / f"{name}_{point.name}.json", score)
+        print(f"{name} {point.name}: {brief(scores)}", flush=True)
+        points.append({**asdict(point), "scores": scores})
         yield {"expected": dict(zip(range(1, len(expected) + 1), expected, strict=True)), "points": points}
-
-
-def named(said: str, recording: Recording, which: list[int], verdict: Path, work: Path) -> dict[str, Any]:
-    """Effects: none, those in the file ``verdict``, or what a diagnosis finds in the presses ``which`` alone."""
-    if said == "own":
-        return dict(
-            kept(
-                work / f"own_{len(which)}.json", lambda: effects_config(diagnose(presses_of(recording, which)).effects)
-            )
-        )
-    return {} if said == "none" else dict(yaml.safe_load(verdict.read_text(encoding="utf-8")))
 
 
 def ordered(recording: Recording) -> tuple[list[int], list[dict[str, float]]]:
@@ -117,62 +129,94 @@ def ordered(recording: Recording) -> tuple[list[int], list[dict[str, float]]]:
     return order, [asdict(accuracy) for accuracy in expected]
 
 
-def asked(recording: Recording, order: list[int], verdict: bool) -> Iterator[tuple[str, str, int, list[int]]]:
-    """Effects, way of choosing, draw and presses of every point."""
+def asked(recording: Recording, order: list[int]) -> Iterator[Point]:
+    """Every point, those that matter most first."""
     everything = places_of(recording)[0]
-    effects = ("none", "verdict") if verdict else ("none",)
-    for said in effects:
-        yield said, "all", 0, everything
-    if verdict:
-        yield "own", "chosen", 0, order[:6]
+    for effects in ("none", "of_all"):
+        yield Point(effects, "all", 0, everything)
     for count in COUNTS:
-        for said in effects:
-            yield said, "chosen", 0, order[:count]
-        yield "none", "gridded", 0, gridded(recording, count)
-        for draw in DRAWS:
-            yield "none", "random", draw, random_order(recording, draw)[:count]
+        chosen = Point("none", "chosen", 0, order[:count])
+        yield chosen
+        if count in DIAGNOSED:
+            yield replace(chosen, effects="of_these")
+            yield Point("none", "gridded", 0, gridded(recording, count))
+        if count == COUNTS[0]:
+            yield replace(chosen, effects="of_these", retrained=True)
+            for draw in DRAWS:
+                yield Point("none", "random", draw, random_order(recording, draw)[:count])
+
+
+def thinned(recording: Recording, presses: list[int], path: Path) -> Path:
+    """The recording with some of its presses alone, written to ``path`` once: what is computed from it is kept by its
+    content."""
+    if not path.is_file():
+        write_recording(path, presses_of(recording, presses))
+    return path
+
+
+@dataclass(frozen=True)
+class Known:
+    """What the simulator of a recording knows: the choice of ``effects`` and further words for ``ertskin train``."""
+
+    effects: str
+    words: list[str]
+
+    def config(self) -> DictConfig:
+        """As ``ertskin train`` would have it, with hardly any trials: the table of responses is wanted alone."""
+        with initialize_config_dir(str(config_dir()), version_base="1.3"):
+            config = compose("train", overrides=["model=contacts", "cluster.workers=1", *self.words])
+        OmegaConf.update(config, "data.plan.trials", 10)
+        if self.effects != "none":
+            OmegaConf.set_struct(config, False)
+            config.effects = OmegaConf.load(EFFECTS / f"{self.effects}.yaml")
+        return config
+
+
+def known(effects: str, path: Path, whole: Path) -> Known:
+    """The simulator of a thinned recording, diagnosed first where it is to know effects.
+
+    Those of the ``whole`` recording go with the calibration fitted with them, which has seen all presses too.
+    """
+    words = [f"recording={path}", *noise_of(read_recording(path))]
+    if effects == "none":
+        return Known("none", words)
+    if effects == "of_these":
+        return Known(diagnosed(path), words)
+    of_all = Known(diagnosed(whole), [f"recording={whole}"])
+    return Known(of_all.effects, [*words, f"calibration.file={calibration_path(of_all.config())}"])
+
+
+def diagnosed(path: Path) -> str:
+    """The choice of effects that a diagnosis of the recording has written, made once."""
+    if not (EFFECTS / f"{path.stem}.yaml").is_file():
+        run_step(["diagnose", f"recording={path}"])
+    return path.stem
+
+
+def trained(simulator: Known, out: Path) -> Path:
+    """The folder of a network trained on a thinned recording."""
+    run_step(["train", "model=contacts", "seed=0", *simulator.words, f"effects={simulator.effects}", f"out={out}"])
+    (model,) = out.glob("*/model.pt")
+    return model.parent
 
 
 def proposed_by(network: Path, touches: Touches) -> Array:
-    """(N,C,3) where a network trained on all presses says the contacts are: what is kept when only recalibrated."""
-    trained = Reconstruction.load(network / "model.pt").network
-    assert isinstance(trained, ContactsNetwork)
+    """(N,C,3) where a trained network says the contacts are: what is kept when only recalibrated."""
+    found = Reconstruction.load(network / "model.pt").network
+    assert isinstance(found, ContactsNetwork)
     with torch.no_grad():
-        whitened = trained.trunk.whiten(torch.from_numpy(touches.change_v).float())
-        logit, force, offset = trained.layers_out(whitened)
-        votes = torch.sigmoid(logit), force, trained.taxel_m + trained.spacing_m * offset
+        whitened = found.trunk.whiten(torch.from_numpy(touches.change_v).float())
+        logit, force, offset = found.layers_out(whitened)
+        votes = torch.sigmoid(logit), force, found.taxel_m + found.spacing_m * offset
     answers = (vote.double().numpy() for vote in votes)
-    return proposals(*answers, trained.spacing_m, trained.threshold, trained.most)
+    return proposals(*answers, found.spacing_m, found.threshold, found.most)
 
 
 def judged(
-    recording: Recording,
-    which: list[int],
-    effects: dict[str, Any],
-    tests: dict[str, Touches],
-    proposed: dict[str, Array | None],
-    work: Path,
+    sensor: Sensor, simulator: Known, tests: dict[str, Touches], proposed: dict[str, Array | None]
 ) -> dict[str, float]:
-    """Scores of the most likely contacts; calibration, table and its correction come from the presses ``which``."""
-    path = work / "thinned.h5"
-    thinned = presses_of(recording, which)
-    write_recording(path, thinned, overwrite=True)
-    with initialize_config_dir(str(config_dir()), version_base="1.3"):
-        words = [
-            "model=contacts",
-            f"recording={path}",
-            "cluster.workers=1",
-            "data.plan.trials=10",
-            *TABLE,
-            *noise_of(thinned),
-        ]
-        folders = [f"data.folder={work / 'tables'}", f"calibration.folder={work / 'calibrate'}"]
-        config = compose("train", overrides=[*words, *folders])
-    if effects:
-        OmegaConf.set_struct(config, False)
-        config.effects = OmegaConf.create(effects)
-    model = anywhere(config).trials.touch
-    shutil.rmtree(work / "tables")
+    """Scores of the most likely contacts; calibration, table and its correction come from the presses kept."""
+    model = anywhere(simulator.config()).trials.touch
     assert model is not None
     posterior = model.posterior(LEAST_N)
     scores: dict[str, float] = {"size": float(model.error.error[2]), "remainder": model.error.remainder}
@@ -184,19 +228,19 @@ def judged(
             np.where(history.touched, history.force_n, np.nan),
             beliefs.contact_m,
             beliefs.force_n,
-            recording.sensor.taxel_m,
+            sensor.taxel_m,
             beliefs.covariance,
         )
         scores |= {score.name: score.value for score in contact_scores(outcome).values()}
     return scores
 
 
-def noise_of(recording: Recording) -> list[str]:
+def noise_of(thinned: Recording) -> list[str]:
     """Where two rest frames are all there is, the noise is white, as large as they differ."""
-    assert recording.frames is not None
-    assert recording.protocol is not None
-    rest_v = recording.frames.voltage_v[recording.frames.history.phase == 0]
-    return [] if len(rest_v) > 2 else ["noise=white", f"noise.std_v={rest_scan(rest_v, recording.protocol).noise_v}"]
+    assert thinned.frames is not None
+    assert thinned.protocol is not None
+    rest_v = thinned.frames.voltage_v[thinned.frames.history.phase == 0]
+    return [] if len(rest_v) > 2 else ["noise=white", f"noise.std_v={rest_scan(rest_v, thinned.protocol).noise_v}"]
 
 
 def kept(path: Path, make: Any) -> Any:
