@@ -1,8 +1,8 @@
 """How many calibration presses does a skin need? Error of touches against presses kept of a recording.
 
-    python experiments/anywhere/few_presses/run.py DATA NETWORK [WORK]
+    python experiments/anywhere/few_presses/run.py DATA [WORK]
 
-DATA holds recordings/; NETWORK is the folder of a ``model=contacts`` job trained on all of rig_a_train, which proposes.
+DATA holds recordings/; contacts are searched for without a network, but where one is trained on the presses kept.
 WORK (runs/few_presses) keeps what is done, thinned recordings with their diagnoses among it, so that the same command
 goes on where it was stopped; results so far lie beside this file after every point.
 """
@@ -55,16 +55,15 @@ DIAGNOSED = (6, 3, 12)
 
 @dataclass(frozen=True)
 class Rig:
-    """A training recording, the touches it is judged by, and whether a network proposes where they are."""
+    """A training recording, and those of the touches it is judged by."""
 
     train: str
     tests: tuple[str, ...]
-    proposed: bool
 
 
 RIGS = {
-    "rig_a": Rig("rig_a_train", ("rig_a_test_anywhere",), True),
-    "rig_c": Rig("rig_c_train", ("rig_c_test_one", "rig_c_test_two"), False),
+    "rig_a": Rig("rig_a_train", ("rig_a_test_anywhere",)),
+    "rig_c": Rig("rig_c_train", ("rig_c_test_one", "rig_c_test_two")),
 }
 
 
@@ -89,17 +88,17 @@ class Point:
 def main() -> None:
     """Every point of both curves that isn't there yet."""
     torch.set_num_threads(1)
-    data, network = (Path(word) for word in sys.argv[1:3])
-    work = Path(sys.argv[3]) if len(sys.argv) > 3 else Path("runs/few_presses")
+    data = Path(sys.argv[1])
+    work = Path(sys.argv[2]) if len(sys.argv) > 2 else Path("runs/few_presses")
     found: dict[str, dict[str, Any]] = {}
     for name in RIGS:
-        for so_far in curve(data, name, network, work):
+        for so_far in curve(data, name, work):
             found[name] = so_far
             write_whole(HERE / "results.json", json.dumps(found, indent=1))
             write_whole(HERE / "few_presses.png", png(force_against_presses(found)))
 
 
-def curve(data: Path, name: str, network: Path, work: Path) -> Iterator[dict[str, Any]]:
+def curve(data: Path, name: str, work: Path) -> Iterator[dict[str, Any]]:
     """Scores of every point so far, after each."""
     rig = RIGS[name]
     source = data / "recordings" / f"{rig.train}.h5"
@@ -112,9 +111,8 @@ def curve(data: Path, name: str, network: Path, work: Path) -> Iterator[dict[str
         def score(point: Point = point) -> dict[str, float]:
             path = thinned(recording, point.presses, work / f"{name}_{point.way}_{point.draw}_{len(point.presses)}.h5")
             simulator = known(point.effects, path, source)
-            job = trained(simulator, work / f"{name}_{point.name}") if point.retrained else network
-            proposing = point.retrained or rig.proposed
-            proposed = {test: proposed_by(job, each) if proposing else None for test, each in tests.items()}
+            job = trained(simulator, work / f"{name}_{point.name}") if point.retrained else None
+            proposed = {test: None if job is None else proposed_by(job, each) for test, each in tests.items()}
             return judged(recording.sensor, simulator, tests, proposed)
 
         scores = kept(work / f"{name}_{point.name}.json", score)
