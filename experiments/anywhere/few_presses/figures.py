@@ -31,14 +31,16 @@ def force_against_presses(curves: dict[str, dict[str, Any]]) -> Figure:
             counts = sorted({len(p["presses"]) for p in points})
             errors = [np.mean([p["scores"][measure] for p in points if len(p["presses"]) == n]) for n in counts]
             if counts:
-                axes.plot(counts, errors, "o-", ms=4, color=colour, label=name)
+                # A ring, where the point of another line may lie within.
+                style = {"ms": 8, "mfc": "none"} if line[2] else {"ms": 4}
+                axes.plot(counts, errors, "o-", color=colour, label=name, **style)
         axes.set_xscale("log")
         axes.set_ylim(bottom=0.0)
         axes.set_xticks([1, 2, 3, 6, 12, 36], labels=["1", "2", "3", "6", "12", "36"])
         axes.minorticks_off()
         axes.set_xlabel("calibration presses")
         axes.set_ylabel(f"{rig}, error of one contact, {MEASURES[measure]}")
-    panel[-1].legend(loc="upper right")
+    panel[0].legend(loc="lower left")
     return figure
 
 
