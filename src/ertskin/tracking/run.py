@@ -96,8 +96,19 @@ class Run:
         self.client.log_text(self.run_id, OmegaConf.to_yaml(OmegaConf.create(dict(config))), "config.yaml")
 
     def dataset(self, data: DatasetInfo) -> None:
-        """Log what the run learned from or was tested on."""
-        self.client.log_inputs(self.run_id, datasets=[data.as_input()])
+        """Log what the run learned from or was tested on.
+
+        MLflow looks for the same data set and then writes it: where another process has come between, it finds it when
+        asked again.
+        """
+        from mlflow.exceptions import MlflowException
+
+        try:
+            self.client.log_inputs(self.run_id, datasets=[data.as_input()])
+        except MlflowException as error:
+            if "UNIQUE constraint failed: datasets" not in str(error):
+                raise
+            self.client.log_inputs(self.run_id, datasets=[data.as_input()])
 
     def metrics(self, values: Mapping[str, float], step: int = 0) -> None:
         """Keep metrics for the next write."""

@@ -8,9 +8,11 @@ import sys
 from pathlib import Path
 
 import pytest
+from mlflow.exceptions import MlflowException
 
 from ertskin.errors import JobFailed, UserError
 from ertskin.interrupts import Terminated
+from ertskin.tracking.datasets import DatasetInfo
 from ertskin.tracking.run import Run, fetch, finished_run, flattened
 from ertskin.tracking.settings import TrackingSettings
 from ertskin.tracking.store import ensure_database, open_store
@@ -54,9 +56,29 @@ def test_a_run_that_was_cut_off_is_gone_on_with_and_a_finished_one_is_not(settin
     assert third.run_id != first.run_id
 
 
+def test_a_data_set_that_another_process_logs_at_once_is_asked_for_again(settings, monkeypatch):
+    data = DatasetInfo("skin", "0123", "training")
+    with Run.begin(settings, "key", "name") as run:
+        log, said = run.client.log_inputs, ["UNIQUE constraint failed: datasets.name", None]
+
+        def between(*words, **more):
+            if problem := said.pop(0):
+                raise MlflowException(problem)
+            log(*words, **more)
+
+        monkeypatch.setattr(run.client, "log_inputs", between)
+        run.dataset(data)
+        said[:] = ["disk full"]
+        with pytest.raises(MlflowException, match="disk full"):
+            run.dataset(data)
+    (seen,) = info(settings, run.run_id).inputs.dataset_inputs
+    assert seen.dataset.name == "skin"
+
+
 BEGIN_AND_DIE = """
 import os, signal, sys
 from pathlib import Path
+from ertskin.tracking.datasets import DatasetInfo
 from ertskin.tracking.run import Run
 from ertskin.tracking.settings import TrackingSettings
 run = Run.begin(TrackingSettings(Path("runs/mlflow.db"), Path("runs/artifacts"), "test"), "killed", "name")
