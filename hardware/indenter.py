@@ -136,6 +136,27 @@ class Indenter:
         x, y = self._stage_xy(contact_m)
         self.go(x, y, self.travel_z_m, self.rig.limits.travel_speed_m_s)
 
+    @contextmanager
+    def pressing(self, x_m: float, y_m: float, z_m: float) -> Iterator[None]:
+        """Above something that isn't the skin and whose surface lies about ``z_m``, all in the stage's frame.
+
+        Down and up count from there, for who guards and on the way out of trouble; it goes up again whatever happens.
+        """
+        skin_m, speed_m_s = self.surface_z_m, self.rig.limits.travel_speed_m_s
+        try:
+            self.lift()
+            self.surface_z_m = z_m
+            high_m = self.travel_z_m
+            self.go(x_m, y_m, max(high_m, float(self.rig.stage.position_m()[2])), speed_m_s)
+            yield
+            self.surface_z_m = skin_m
+            self.go(x_m, y_m, max(high_m, self.travel_z_m), speed_m_s)
+        except BaseException:
+            self.retract()
+            raise
+        finally:
+            self.surface_z_m = skin_m
+
     def approach(self, contact_m: tuple[float, float]) -> None:
         """Down to just above the surface, where the travelling speed ends."""
         x, y = self._stage_xy(contact_m)

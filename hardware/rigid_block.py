@@ -24,12 +24,7 @@ def press_rigid_block(
         raise LimitExceeded("rigid block: the bench's geometry names none (block_m)")
     x, y, z = block
     limits = indenter.rig.limits
-    try:
-        indenter.lift()
-        # Down and up, for who guards and on the way out of trouble, count from what is pressed.
-        skin_z, indenter.surface_z_m = indenter.surface_z_m, z
-        travel_z = indenter.travel_z_m
-        indenter.go(x, y, max(travel_z, float(indenter.rig.stage.position_m()[2])), limits.travel_speed_m_s)
+    with indenter.pressing(x, y, z):
         indenter.check_zero()
         indenter.go(x, y, z + limits.approach_m, limits.travel_speed_m_s)
         surface = indenter.touch_off(x, y, z + limits.approach_m)
@@ -40,9 +35,4 @@ def press_rigid_block(
             begin = indenter.rig.clock.now()
             indenter.listen(settle_s)
             forces.append(mean_force_n(list(indenter.samples), begin, indenter.rig.clock.now()))
-        indenter.surface_z_m = skin_z
-        indenter.go(x, y, max(travel_z, indenter.travel_z_m), limits.travel_speed_m_s)
-    except BaseException:
-        indenter.retract()
-        raise
     return RigidBlock(depths, np.array(forces))

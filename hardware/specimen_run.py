@@ -45,12 +45,7 @@ def press_specimen(indenter: Indenter, setup: SpecimenSetup) -> Specimen:
         raise LimitExceeded("specimen: the bench's geometry names none (specimen_m)")
     x, y, z = rig.geometry.specimen_m
     limits = rig.limits
-    try:
-        indenter.lift()
-        # Down and up, for who guards and on the way out of trouble, count from what is pressed.
-        skin_z, indenter.surface_z_m = indenter.surface_z_m, z
-        travel_z = indenter.travel_z_m
-        indenter.go(x, y, max(travel_z, float(rig.stage.position_m()[2])), limits.travel_speed_m_s)
+    with indenter.pressing(x, y, z):
         indenter.check_zero()
         indenter.go(x, y, z + limits.approach_m, limits.travel_speed_m_s)
         surface = indenter.touch_off(x, y, z + limits.approach_m)
@@ -62,11 +57,6 @@ def press_specimen(indenter: Indenter, setup: SpecimenSetup) -> Specimen:
             for depth in np.concatenate([ramp, ramp[-2::-1]]):
                 indenter.go(x, y, surface - float(depth), limits.touch_speed_m_s)
                 rows.append((*_row(indenter, setup, begin_s), cycle))
-        indenter.surface_z_m = skin_z
-        indenter.go(x, y, max(travel_z, indenter.travel_z_m), limits.travel_speed_m_s)
-    except BaseException:
-        indenter.retract()
-        raise
     time_s, stress, resistance, cycles = (np.array(column) for column in zip(*rows, strict=True))
     return Specimen(np.maximum(stress, 0.0), resistance, time_s, cycles.astype(np.int64))
 

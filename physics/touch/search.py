@@ -128,8 +128,10 @@ class TouchPosterior:
         """(C,3) contacts to begin from in a reading (D,): those ``proposed`` (C,3), NaN for none, or ``held`` (n,3) of
         the scan before, where these aren't fewer and leave less of it as they are."""
         offered = np.ascontiguousarray(proposed[np.isfinite(proposed[:, 0])])
-        model = self._model  # type: ignore[attr-defined]
-        if len(held) < len(offered) or unexplained(reading, held, model) >= unexplained(reading, offered, model):
+        if len(held) < len(offered):
+            return proposed
+        left, other = (unexplained(reading, each, self._model) for each in (held, offered))  # type: ignore[attr-defined]
+        if left @ left >= other @ other:
             return proposed
         begun = np.full_like(proposed, np.nan)
         begun[: len(held)] = held
@@ -138,13 +140,12 @@ class TouchPosterior:
 
 @njit(cache=True, nogil=True)
 def unexplained(reading, touch, model):  # type: ignore[no-untyped-def]
-    """Sum of squares of what contacts (C,3) leave of a reading (D,)."""
+    """(D,) what contacts (C,3) leave of a reading (D,)."""
     if len(touch) == 0:
-        return reading @ reading
+        return reading.copy()
     predicted, rows = np.empty(len(reading)), np.empty((2 * NUISANCES * len(touch), len(reading)))
     linearised(touch, model[0], added_by(touch, model[1], len(reading)), model[2], predicted, rows)
-    left = reading - predicted
-    return left @ left
+    return reading - predicted
 
 
 @njit(cache=True, nogil=True)
@@ -331,12 +332,7 @@ def _with(now, contact):  # type: ignore[no-untyped-def]
 def next_contacts(reading, now, model, scan, starts):  # type: ignore[no-untyped-def]
     """(n,3) of the scan, apart from one another: the contacts that beside those ``now`` leave least, best first."""
     places, responses, squares = scan[:3]
-    left = reading.copy()
-    if len(now):
-        predicted, rows = np.empty(len(reading)), np.empty((2 * NUISANCES * len(now), len(reading)))
-        linearised(now, model[0], added_by(now, model[1], len(reading)), model[2], predicted, rows)
-        left -= predicted
-    remains = squares - 2.0 * (responses @ left)
+    remains = squares - 2.0 * (responses @ unexplained(reading, now, model))
     chosen = np.empty((starts, 3))
     for n in range(starts):
         best = 0

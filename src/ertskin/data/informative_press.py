@@ -78,8 +78,8 @@ class PressDesign:
         self.same = press[:, None] == press
         basis = modes(table, contact_m, force_n)
         numbers, noise = coefficients(basis, seen - table.alone(contact_m, force_n))
-        self.scatter = frame_scatter(force_n, press, numbers, noise)
-        self.noise = noise + self.scatter
+        self.within_press = frame_scatter(force_n, press, numbers, noise)
+        self.noise = noise + self.within_press
         self.processes = [
             likely(evidences(contact_m, force_n, press, numbers[:, m], self.noise[:, m])) for m in range(len(MODES))
         ]
@@ -96,7 +96,7 @@ class PressDesign:
         forces = np.tile(force_n, (len(place_m), 1))
         basis = modes(self.table, np.repeat(place_m, len(force_n), axis=0), forces.ravel())
         _, noise = coefficients(basis, np.zeros((len(basis), basis.shape[2])))
-        known = (noise + self.scatter).reshape(*forces.shape, len(MODES))
+        known = (noise + self.within_press).reshape(*forces.shape, len(MODES))
         return [self._accuracy(variance) for variance in self._variances(place_m, forces, known)[1:]]
 
     def _accuracy(self, variance: Array) -> Accuracy:

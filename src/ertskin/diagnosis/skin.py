@@ -95,21 +95,32 @@ def _diagnose(
     if everything is None or findings.diagnosis.verdict == "no_mismatch":
         return findings
     report(0.94, "fitting all presses, which are few, for what is handed on")
-    return _handing_on(findings, _selected(evidence, baseline, family, everything, selector, lambda share, text: None))
+    return _handing_on(
+        findings, lambda: _selected(evidence, baseline, family, everything, selector, lambda share, text: None)
+    )
 
 
-def _handing_on(findings: Findings, whole: Selection) -> Findings:
-    """The findings, of which effects and calibration of a fit to all presses are handed on.
+def _handing_on(findings: Findings, choose: Callable[[], Selection]) -> Findings:
+    """The findings, of which effects and calibration of a fit to all presses, as ``choose`` makes it, are handed on.
 
     Claims stay those judged by presses held out; here each cell has been predicted by the others.
     """
     diagnosis = findings.diagnosis
+    try:
+        whole = choose()
+    except (MeshError, np.linalg.LinAlgError):
+        said = "all presses can't be fitted together: handed on is what those not held out show"
+        return replace(findings, diagnosis=_saying(diagnosis, said))
     limits = tuple(c.effect for c in diagnosis.claims if c.effect.hypothesis.measured == Measured.READING_LIMIT)
     effects = (*whole.after.effects, *limits)
     names = ", ".join(dict.fromkeys(effect.name for effect in effects)) or "no effect"
     said = f"presses are few: handed on is what all of them show together ({names})"
-    reason = said if diagnosis.reason is None else f"{diagnosis.reason}; {said}"
-    return replace(findings, whole=whole, diagnosis=replace(diagnosis, of_all_presses=effects, reason=reason))
+    return replace(findings, whole=whole, diagnosis=replace(_saying(diagnosis, said), of_all_presses=effects))
+
+
+def _saying(diagnosis: Diagnosis, said: str) -> Diagnosis:
+    """The diagnosis with one more thing in its reason."""
+    return replace(diagnosis, reason=said if diagnosis.reason is None else f"{diagnosis.reason}; {said}")
 
 
 def _selected(

@@ -15,13 +15,16 @@ from ertskin.data.simulated import rising
 from ertskin.data.skin_forward import SkinForward
 from ertskin.data.sources import CALIBRATION, calibration_folder, calibration_path
 from ertskin.data.touches import touches_of
+from ertskin.diagnosis import skin
 from ertskin.diagnosis.any_recording import diagnose_any
-from ertskin.diagnosis.contract.claims import Diagnosis
+from ertskin.diagnosis.contract.claims import Diagnosis, HeldOut
 from ertskin.diagnosis.criteria import Criteria
 from ertskin.diagnosis.judge.result import Findings
 from ertskin.diagnosis.output.joint_calibration import joint_calibration, write_joint_calibration
+from ertskin.diagnosis.search.selection import Selection
 from ertskin.hardware.recording import read_recording
 from ertskin.hardware.virtual.bench import FAST, write_bench
+from ertskin.physics.conduction.mesh import MeshError
 from ertskin.physics.effects.registry import effects_config
 
 pytestmark = pytest.mark.long
@@ -86,6 +89,20 @@ def test_of_few_presses_what_all_of_them_show_is_handed_on(tmp_path: Path) -> No
     assert calibration is not None
     np.testing.assert_array_equal(calibration.contact_resistance_ohm, found.whole.after.calibration.contact_ohm)
     assert found.diagnosis.plain()["of_all_presses"] == [effect.name for effect in found.diagnosis.effects]
+
+
+def test_few_presses_that_can_not_be_fitted_together_hand_on_what_was_claimed() -> None:
+    claimed = Findings(Diagnosis("six.h5", "explained", HeldOut("split", 1e-3, 3.0, 1.0, 0.0), reason="something"))
+
+    def choose() -> Selection:
+        raise MeshError("no such sheet")
+
+    found = skin._handing_on(claimed, choose)
+    assert found.whole is None
+    assert found.diagnosis.of_all_presses is None
+    assert found.diagnosis.reason == (
+        "something; all presses can't be fitted together: handed on is what those not held out show"
+    )
 
 
 def named_and_predicting(found: Diagnosis, name: str) -> None:
