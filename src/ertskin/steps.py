@@ -31,8 +31,9 @@ def run_step(words: list[str], cores: int | None = None) -> None:
 
 
 @contextmanager
-def meanwhile(steps: Sequence[list[str]], log: Path, cores: int) -> Iterator[None]:
+def meanwhile(steps: Sequence[list[str]], log: Path, cores: int) -> Iterator[threading.Thread]:
     """Run ``steps`` one after another on so many ``cores`` while the caller goes on; what they say is kept in ``log``.
+    Yields the thread that runs them, alive for as long as they do.
 
     At the end they are waited for, and print what they said; what ``run_step`` would have raised is raised then. They
     are stopped if the caller fails.
@@ -44,7 +45,7 @@ def meanwhile(steps: Sequence[list[str]], log: Path, cores: int) -> Iterator[Non
         background = _Background(steps, into, cores)
         background.start()
         try:
-            yield
+            yield background
             with log.open(encoding="utf-8", errors="replace") as said:  # A character may be half written yet.
                 while background.is_alive():
                     print(said.read(), end="", flush=True)

@@ -77,7 +77,8 @@ def run(config: DictConfig) -> None:
 def _trained(config: DictConfig, source: Path, criteria: Criteria, settings: list[str], jobs: int) -> Found:
     """What the recording's diagnosis says, once the networks are trained without it and with it.
 
-    Where there is room for two jobs those without it are trained while the recording is diagnosed.
+    Where there is room for two jobs those without it are trained while the recording is diagnosed; once they are, what
+    is left has all cores.
     """
     choose = partial(_training_steps, config, f"recording={source}", settings)
     if not config.diagnose or any(word.startswith("effects=") for word in settings):
@@ -88,11 +89,13 @@ def _trained(config: DictConfig, source: Path, criteria: Criteria, settings: lis
     found = _diagnosis(source, criteria)
     if found.folder is None and jobs > 1 and given_cores() > 1:
         cores = given_cores() // 2
-        with meanwhile(choose(["none"], jobs // 2), Path("runs/run") / f"{source.stem}_none.log", cores):
+        with meanwhile(choose(["none"], jobs // 2), Path("runs/run") / f"{source.stem}_none.log", cores) as others:
             run_step(diagnosing, cores)
             found = _diagnosis(source, criteria)
-            for step in choose([found.effects], jobs // 2) if found.effects else []:
-                run_step(step, cores)
+            if found.effects:
+                each = (choose([found.effects], some) for some in (jobs // 2, jobs))
+                for shared, alone in zip(*each, strict=True):
+                    run_step(*((shared, cores) if others.is_alive() else (alone,)))
         return found
     if found.folder is None:
         run_step(diagnosing)

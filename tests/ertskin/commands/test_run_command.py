@@ -119,10 +119,14 @@ def test_a_diagnosis_by_other_criteria_does_not_stand(tmp_path, monkeypatch):
 
 
 class Steps:
-    """Commands that would be run: before the diagnosis is there, ``diagnose`` leaves one that names ``effects``."""
+    """Commands that would be run: before the diagnosis is there, ``diagnose`` leaves one that names ``effects``.
 
-    def __init__(self, folder, monkeypatch, effects):
+    What is run meanwhile ends once more than so many others have begun.
+    """
+
+    def __init__(self, folder, monkeypatch, effects, ends_after=99):
         self.run, self.meanwhile, self.cores = [], [], []
+        self.ends_after = ends_after
         self.found, self.diagnosed = run.Found(folder, effects), False
         monkeypatch.setattr(run, "run_step", self.step)
         monkeypatch.setattr(run, "meanwhile", self.aside)
@@ -138,7 +142,10 @@ class Steps:
     @contextmanager
     def aside(self, steps, log, cores):
         self.meanwhile += steps
-        yield
+        yield self
+
+    def is_alive(self):
+        return len(self.run) <= self.ends_after
 
     def verbs(self, words):
         return [(step[0], [word for word in step if word.startswith("effects=")]) for step in words]
@@ -166,6 +173,14 @@ def test_networks_that_know_of_no_effect_are_trained_while_the_recording_is_diag
     trained("jobs=2")
     assert nothing.verbs(nothing.meanwhile) == WITHOUT
     assert nothing.verbs(nothing.run) == [("diagnose", [])]
+
+
+def test_networks_trained_after_the_others_have_all_cores(tmp_path, monkeypatch):
+    steps = Steps(tmp_path, monkeypatch, "mine", ends_after=1)
+    trained("jobs=2")
+    assert steps.verbs(steps.run) == [("diagnose", []), *WITH]
+    assert steps.cores == [2, 2, None, None]
+    assert ["hydra.launcher.n_jobs=2" in words for words in steps.run] == [False, False, False, True]
 
 
 def test_one_job_does_one_thing_after_another_and_a_diagnosis_stands(tmp_path, monkeypatch):
