@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 import time
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
@@ -31,7 +32,7 @@ PLANS = {"recording": "quick", "one": "one_point_test", "two": "two_point_test",
 ROLES = ("one", "two", "anywhere")
 """Tests of a training recording."""
 OWN = (
-    *("recording", *ROLES, "models", "seeds", "between", "jobs", "recordings", "diagnose"),
+    *("recording", *ROLES, "models", "seeds", "between", "with_effects", "jobs", "recordings", "diagnose"),
     *("yardsticks", "yardstick_seeds"),
 )
 """Settings of this command itself; what else is typed is handed on."""
@@ -53,6 +54,7 @@ def run(config: DictConfig) -> None:
     planned(config.data.plan)
     criteria = checked(Criteria, config.criteria, "criteria")
     jobs = whole_number(config.jobs, "jobs", least=1)
+    _known_networks(config.with_effects)
     files = _recordings(config)
     source = files["recording"]
     assert source is not None
@@ -72,6 +74,15 @@ def run(config: DictConfig) -> None:
     else:
         print("no test recording given (one=FILE two=FILE anywhere=FILE): nothing to evaluate on")
     print(f"\ndone in {time.monotonic() - begun:.0f} s; compare the runs with: ertskin dashboard")
+
+
+def _known_networks(names: Sequence[str]) -> None:
+    """Raises ``UserError`` for a name that is no choice of ``model``."""
+    from ertskin.configuration import config_dir
+
+    known = sorted(path.stem for path in (config_dir() / "model").glob("*.yaml"))
+    if wrong := [str(name) for name in names if name not in known]:
+        raise UserError(f"with_effects: no network {wrong[0]!r}; there are {', '.join(known)}")
 
 
 def _trained(config: DictConfig, source: Path, criteria: Criteria, settings: list[str], jobs: int) -> Found:
@@ -131,20 +142,37 @@ def _training_steps(
     """Commands that train the networks of contacts anywhere on their trials and those of the taxels on theirs, with
     each choice of ``effects``; as configured where there is none."""
     accepted = _accepted("train", settings)
-    swept = [f"seed={','.join(map(str, config.seeds))}", *([f"effects={','.join(effects)}"] if effects else [])]
+    # They learn from contacts anywhere, whatever the others learn from.
+    own = [word for word in accepted if not word.startswith(("data", "trainer"))]
+    own += config.between.settings
     steps = []
-    if config.between.models:
-        # They learn from contacts anywhere, whatever the others learn from.
-        own = [word for word in accepted if not word.startswith(("data", "trainer"))]
-        model = f"model={','.join(config.between.models)}"
-        steps.append(["train", "-m", recording, model, *swept, *own, *config.between.settings, *_launcher(jobs)])
-    if config.models:
-        for choice in effects or ["none"]:
+    for models, choices in _choices_of(config.between.models, effects, config.with_effects):
+        steps.append(["train", "-m", recording, *_swept(config, models, choices), *own, *_launcher(jobs)])
+    for models, choices in _choices_of(config.models, effects, config.with_effects):
+        for choice in choices or ["none"]:
             chosen = _simulated_with(None if choice == "none" else choice)
             steps.append(["synthesize", recording, *chosen, *_accepted("synthesize", settings)])
-        model = f"model={','.join(config.models)}"
-        steps.append(["train", "-m", recording, model, *swept, *accepted, *_launcher(jobs)])
+        steps.append(["train", "-m", recording, *_swept(config, models, choices), *accepted, *_launcher(jobs)])
     return steps
+
+
+def _choices_of(
+    models: Sequence[str], effects: list[str], with_effects: Sequence[str]
+) -> list[tuple[list[str], list[str]]]:
+    """Models that are trained with the same choices of ``effects``, and these: what was found is for those that
+    ``with_effects`` names."""
+    asked: dict[tuple[str, ...], list[str]] = {}
+    for model in models:
+        choices = tuple(choice for choice in effects if choice == "none" or model in with_effects)
+        if choices or not effects:
+            asked.setdefault(choices, []).append(model)
+    return [(together, list(choices)) for choices, together in asked.items()]
+
+
+def _swept(config: DictConfig, models: list[str], choices: list[str]) -> list[str]:
+    """What a multirun of these models goes through."""
+    seeds = f"seed={','.join(map(str, config.seeds))}"
+    return [f"model={','.join(models)}", seeds, *([f"effects={','.join(choices)}"] if choices else [])]
 
 
 def _evaluate(config: DictConfig, recording: str, told: list[str], settings: list[str]) -> None:

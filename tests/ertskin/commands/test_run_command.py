@@ -26,6 +26,7 @@ SMALL = [
     "data.plan.trials=1500",
     "data.plan.denoiser_trials=60",
     "models=[reciprocal]",
+    "with_effects=[contacts,reciprocal]",
     "between.settings=['data.plan.trials=200','data.table.spacing_m=0.03','data.table.forces=3','trainer.max_epochs=2']",
     "seeds=[0]",
     "jobs=1",
@@ -161,23 +162,24 @@ WITHOUT = [("train", ["effects=none"]), ("synthesize", []), ("train", ["effects=
 WITH = [("train", ["effects=mine"]), ("synthesize", ["effects=mine"]), ("train", ["effects=mine"])]
 BOTH = [("train", ["effects=none,mine"]), ("synthesize", []), ("synthesize", ["effects=mine"])]
 BOTH += [("train", ["effects=none,mine"])]
+ALL = "with_effects=[contacts,paper]"
 
 
 def test_networks_that_know_of_no_effect_are_trained_while_the_recording_is_diagnosed(tmp_path, monkeypatch):
     steps = Steps(tmp_path, monkeypatch, "mine")
-    assert trained("jobs=2") == steps.found
+    assert trained("jobs=2", ALL) == steps.found
     assert steps.verbs(steps.meanwhile) == WITHOUT
     assert steps.verbs(steps.run) == [("diagnose", []), *WITH]
     assert steps.cores == [2, 2, 2, 2]
     nothing = Steps(tmp_path, monkeypatch, None)
-    trained("jobs=2")
+    trained("jobs=2", ALL)
     assert nothing.verbs(nothing.meanwhile) == WITHOUT
     assert nothing.verbs(nothing.run) == [("diagnose", [])]
 
 
 def test_networks_trained_after_the_others_have_all_cores(tmp_path, monkeypatch):
     steps = Steps(tmp_path, monkeypatch, "mine", ends_after=1)
-    trained("jobs=2")
+    trained("jobs=2", ALL)
     assert steps.verbs(steps.run) == [("diagnose", []), *WITH]
     assert steps.cores == [2, 2, None, None]
     assert ["hydra.launcher.n_jobs=2" in words for words in steps.run] == [False, False, False, True]
@@ -185,12 +187,32 @@ def test_networks_trained_after_the_others_have_all_cores(tmp_path, monkeypatch)
 
 def test_one_job_does_one_thing_after_another_and_a_diagnosis_stands(tmp_path, monkeypatch):
     steps = Steps(tmp_path, monkeypatch, "mine")
-    trained("jobs=1")
+    trained("jobs=1", ALL)
     assert steps.verbs(steps.run) == [("diagnose", []), *BOTH]
     steps.run.clear()
-    trained("jobs=2")
+    trained("jobs=2", ALL)
     assert steps.verbs(steps.run) == BOTH
     assert not steps.meanwhile
+
+
+def test_what_was_found_is_for_the_networks_asked_for(tmp_path, monkeypatch):
+    steps = Steps(tmp_path, monkeypatch, "mine")
+    trained("jobs=2", "models=[paper,reciprocal]", "with_effects=[contacts,reciprocal]")
+    contacts, synthesized, taxels = steps.run[1:]
+    assert contacts[3:6] == ["model=contacts", "seed=0", "effects=mine"]
+    assert synthesized[2:] == ["effects=mine"]
+    assert taxels[3:6] == ["model=reciprocal", "seed=0", "effects=mine"]
+    steps.run.clear()
+    trained("jobs=2", "models=[paper,reciprocal]")
+    assert steps.verbs(steps.run) == [
+        *[("train", ["effects=none,mine"]), ("synthesize", []), ("train", ["effects=none"])],
+    ]
+
+
+def test_a_network_that_there_is_not_is_said_at_once(tmp_path):
+    failed = ertskin("run", "with_effects=[contcts]", folder=tmp_path)
+    assert failed.returncode == 2
+    assert failed.stderr == "ertskin: with_effects: no network 'contcts'; there are contacts, paper, places, reciprocal\n"
 
 
 def test_a_recording_that_is_none_gets_one_line(tmp_path):
