@@ -13,6 +13,7 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 BLOCK = 64  # quadrature points whose gradients are held at once
+LANES = 8  # numbers of single precision that are multiplied at once
 
 
 def field_products(space: Space, potential: Array, elements: Indices, tensor: bool) -> Array:
@@ -37,13 +38,17 @@ def gathered_products(
     """
     slopes = np.ascontiguousarray(shape_slopes(space.degree, quadrature(space.degree)[0]))
     count = potential.shape[1]
-    total = np.zeros((len(tensors), gather.shape[0], count * (count + 1) // 2), dtype=np.float32)
-    fields, forms, weights, share = (
-        np.ascontiguousarray(part, dtype=np.float32) for part in (potential, tensors, weight, gather.data)
-    )
+    # Fields in whole groups of lanes, and of every product's row the groups up to the diagonal.
+    groups = -(-count // LANES)
+    fields = np.zeros((len(potential), groups * LANES), dtype=np.float32)
+    fields[:, :count] = potential
+    row = np.cumsum([0, *(LANES * (i // LANES + 1) for i in range(groups * LANES))])
+    total = np.zeros((len(tensors), gather.shape[0], row[-1]), dtype=np.float32)
+    forms, weights, share = (np.ascontiguousarray(part, dtype=np.float32) for part in (tensors, weight, gather.data))
     columns = (gather.indptr, gather.indices, share)
     _gather(total, elements, slopes, space.slope, space.element, fields, forms, *columns, weights)
-    return total
+    i, j = np.tril_indices(count)
+    return np.asarray(total[..., row[i] + j])
 
 
 def pair_losses(space: Space, potential: Array, weight_m2: Array) -> Array:
@@ -125,37 +130,56 @@ def _multiply(product, elements, slopes, slope, element, potential):  # type: ig
 @njit(cache=True, nogil=True, fastmath={"contract"})
 def _gather(total, elements, slopes, slope, element, potential, tensors, start, index, share, weight):  # type: ignore[no-untyped-def]
     points, nodes, _ = slopes.shape
-    count = potential.shape[1]
-    gradient = np.empty((2, count), dtype=np.float32)
-    bent = np.empty((2, count), dtype=np.float32)
+    width = potential.shape[1]
+    local = np.empty((nodes, width), dtype=np.float32)
+    by_node = np.empty((2 * points, nodes), dtype=np.float32)
+    gradient, bent = np.empty((2 * points, width), dtype=np.float32), np.empty((2, width), dtype=np.float32)
     product = np.empty(total.shape[2], dtype=np.float32)
     for n in range(len(elements)):
-        e = elements[n]
+        _gradients(elements[n], slopes, slope, element, potential, local, by_node, gradient)
         for q in range(points):
             at = n * points + q
             if start[at] == start[at + 1]:
                 continue
-            gradient[:] = 0.0
-            for a in range(nodes):
-                for d in range(2):
-                    c = 0.0
-                    for b in range(3):
-                        c += slopes[q, a, b] * slope[e, b, d]
-                    slim = np.float32(c)
-                    for i in range(count):
-                        gradient[d, i] += slim * potential[element[e, a], i]
-            x, y = gradient[0], gradient[1]
             for c in range(len(tensors)):
-                for i in range(count):
-                    bent[0, i] = weight[at] * (tensors[c, 0] * x[i] + tensors[c, 1] * y[i])
-                    bent[1, i] = weight[at] * (tensors[c, 1] * x[i] + tensors[c, 2] * y[i])
-                k = 0
-                for i in range(count):
-                    for j in range(i + 1):
-                        product[k + j] = bent[0, i] * x[j] + bent[1, i] * y[j]
-                    k += i + 1
+                xx, xy, yy = weight[at] * tensors[c, 0], weight[at] * tensors[c, 1], weight[at] * tensors[c, 2]
+                for i in range(width):
+                    bent[0, i] = xx * gradient[q, i] + xy * gradient[points + q, i]
+                    bent[1, i] = xy * gradient[q, i] + yy * gradient[points + q, i]
+                _multiplied(bent, gradient, q, product)
                 for entry in range(start[at], start[at + 1]):
                     sums = total[c, index[entry]]
                     part = share[entry]
                     for k in range(len(product)):
                         sums[k] += part * product[k]
+
+
+@njit(inline="always")
+def _gradients(e, slopes, slope, element, potential, local, by_node, gradient):  # type: ignore[no-untyped-def]
+    """Fill ``gradient`` (2Q,L) of the fields at an element's points, all by x and then all by y."""
+    points, nodes, _ = slopes.shape
+    for a in range(nodes):
+        for i in range(local.shape[1]):
+            local[a, i] = potential[element[e, a], i]
+    for q in range(points):
+        for a in range(nodes):
+            for d in range(2):
+                c = 0.0
+                for b in range(3):
+                    c += slopes[q, a, b] * slope[e, b, d]
+                by_node[d * points + q, a] = c
+    np.dot(by_node, local, gradient)
+
+
+@njit(inline="always")
+def _multiplied(bent, gradient, q, product):  # type: ignore[no-untyped-def]
+    """Fill ``product`` with each field's bent gradient times those of the fields up to it, in whole groups of lanes."""
+    x, y = gradient[q], gradient[q + len(gradient) // 2]
+    k = 0
+    for i in range(gradient.shape[1]):
+        by_x, by_y = bent[0, i], bent[1, i]
+        for first in range(0, i + 1, LANES):
+            out, along, across = product[k : k + LANES], x[first : first + LANES], y[first : first + LANES]
+            for j in range(LANES):
+                out[j] = by_x * along[j] + by_y * across[j]
+            k += LANES
