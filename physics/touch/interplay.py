@@ -43,6 +43,11 @@ class Interplay:
     field: Array
     green: Array
 
+    def __post_init__(self) -> None:
+        """In one type and layout whatever they came from, or numba compiles anew what takes them."""
+        for name in ("center_m", "area_m2", "field", "green"):
+            object.__setattr__(self, name, np.ascontiguousarray(getattr(self, name), dtype=float))
+
     @classmethod
     def of(cls, rest: Solution, cell_m: float) -> Interplay:
         """Cells of ``cell_m`` at most, whose fields are taken from the solved resting sheet ``rest``."""
@@ -115,19 +120,20 @@ def interplay_ohm(field, green, area_m2, cells, change_s, begin):  # type: ignor
     unknowns = len(rows)
     total = np.zeros((electrodes, electrodes))
     # Eliminated together the first contact's rows are what they are alone: they take no part in the difference.
-    for c in range(1, contacts):
-        many = first[c + 1] - first[c]
-        alone = np.empty((many, many + electrodes))
-        alone[:, :many] = rows[first[c] : first[c + 1], first[c] : first[c + 1]]
-        alone[:, many:] = rows[first[c] : first[c + 1], unknowns:]
-        eliminated(alone)
-        _add_products(alone, 0, 1.0, total)
-    eliminated(rows)
-    _add_products(rows, first[1], -1.0, total)
+    for c in range(1, contacts + 1):
+        some, begins, sign = rows, first[1], -1.0
+        if c < contacts:
+            many = first[c + 1] - first[c]
+            some, begins, sign = np.empty((many, many + electrodes)), 0, 1.0
+            for k in range(many):
+                for j in range(many + electrodes):
+                    some[k, j] = rows[first[c] + k, first[c] + j if j < many else unknowns - many + j]
+        _eliminated(some)
+        _add_products(some, begins, sign, total)
     return total
 
 
-@njit(cache=True, nogil=True)
+@njit(inline="always")
 def _scattering(field, green, area_m2, cells, change_s, begin, first):  # type: ignore[no-untyped-def]
     """(n,n+L) s + s G s, of which only what lies right of the diagonal, and s e0: contact c's from row ``first[c]``
     on, then rows that stand for nothing, as many as are needed for whole groups."""
@@ -146,14 +152,15 @@ def _scattering(field, green, area_m2, cells, change_s, begin, first):  # type: 
                         row[to + 2 * m] = both * seen[cells[m], 0]
                         row[to + 2 * m + 1] = both * seen[cells[m], 1]
                 row[at] += strength
-                row[unknowns:] = strength * field[cells[k], a]
+                for j in range(electrodes):
+                    row[unknowns + j] = strength * field[cells[k], a, j]
         for at in range(first[c] + 2 * (begin[c + 1] - begin[c]), first[c + 1]):
             rows[at, at] = 1.0
     return rows
 
 
-@njit(cache=True, nogil=True)
-def eliminated(rows):  # type: ignore[no-untyped-def]
+@njit(inline="always")
+def _eliminated(rows):  # type: ignore[no-untyped-def]
     """Eliminate forward, in place, in symmetric equations (n,n+m) with their right hand sides, n in whole groups.
 
     What lies left of the diagonal is neither read nor made nought. Four rows at once: a row is fetched a quarter as
@@ -177,7 +184,7 @@ def eliminated(rows):  # type: ignore[no-untyped-def]
                 row[j] -= f0 * r0[j] + f1 * r1[j] + f2 * r2[j] + f3 * r3[j]
 
 
-@njit(cache=True, nogil=True)
+@njit(inline="always")
 def _add_products(rows, begin, sign, total):  # type: ignore[no-untyped-def]
     """Add to ``total`` (L,L), with that sign, what the eliminated ``rows`` (n,n+L) from ``begin`` on make of it."""
     right, count = len(rows), len(total)

@@ -13,11 +13,15 @@ times prior times the posterior's volume (MacKay, Neural Computation 4 (1992) 41
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from math import log, pi
+from typing import Any
+
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from ertskin.physics.touch.table import added_together, tangents_at
+from ertskin.physics.touch.table import added_together, dot, tangents_at
 
 Array = NDArray[np.float64]
 
@@ -36,45 +40,125 @@ SETTLED = 0.03
 these, by so much: it changes slowly, and costs more than all the rest."""
 APART_M = 8e-3
 """Two contacts nearer than this are one."""
+LEAST_CURVATURE = 1e-9
 
 
-@njit(cache=True, nogil=True)
-def linearised(touch, spline, added, spread, predicted, rows):  # type: ignore[no-untyped-def]
-    """Fill prediction (D,) and ``rows`` (6C,D) for contacts (C,3) that add ``added`` (D,) together: first the possible
-    errors of all contacts, three each, then their slopes by x, y and log force."""
-    tangents = np.empty((7, len(predicted)))
-    slopes = NUISANCES * len(touch)
-    predicted[:] = added
+@dataclass(frozen=True, eq=False, slots=True)
+class Fit:
+    """Contacts ``touch`` (C,3) fitted to a reading: places in metre, forces in newton.
+
+    ``misfit`` and its ``curvature`` (3C,3C) by x, y and log force; ``logarithm`` of the covariance's determinant, the
+    noise's ``variance``. ``rows`` (6C+1,D): possible errors, slopes and, last, what is left of the reading.
+    ``added`` (D,): what contacts ``known`` (C,3), which are near these, add together.
+    """
+
+    touch: Array
+    misfit: float
+    logarithm: float
+    variance: float
+    curvature: Array
+    rows: Array
+    known: Array
+    added: Array
+
+    @property
+    def left(self) -> Array:
+        """(D,) of the reading."""
+        return np.asarray(self.rows[-1])
+
+
+def fitted(reading: Array, start: Array, model: tuple[Any, ...], before: Fit | None = None) -> Fit:
+    """Most probable contacts near ``start`` (C,3), C > 0; ``before``: as many fitted near there.
+
+    ``model``: the response's spline, the cells of ``added_together``, ``spread``, ``remainder`` (rms of the response's
+    error outside ``spread``, as a share of the response), least and largest place and force, (3,) each.
+    """
+    known = np.full_like(start, np.inf) if before is None else before.known
+    added = np.zeros_like(reading) if before is None else before.added
+    return Fit(*descended(reading, start, known, added, *model))
+
+
+def refined(reading: Array, start: Array, model: tuple[Any, ...]) -> Fit:
+    """``fitted``, first as if the response erred by ``COARSE``, which smooths the misfit, then as it is."""
+    spline, cells, spread, remainder, low, high = model
+    smoothed = spline, cells, COARSE_SPREAD * spread, max(COARSE, remainder), low, high
+    near = fitted(reading, start, smoothed)
+    return fitted(reading, near.touch, model, near)
+
+
+# Numba compiles a function again with each one that calls it: what has a single caller is written into that one.
+@njit(cache=True, nogil=True, error_model="numpy")
+def descended(reading, start, known, added, spline, cells, spread, remainder, low, high):  # type: ignore[no-untyped-def]
+    """The numbers of ``fitted``."""
+    touch, tried, several = start.copy(), start.copy(), len(start) > 1
+    rows = np.empty((2 * NUISANCES * len(start) + 1, len(reading)))
+    spare, products = np.empty_like(rows), np.empty((len(rows), len(rows)))
+    gradient, curvature = np.empty(3 * len(start)), np.empty((3 * len(start), 3 * len(start)))
+    misfit, logarithm, variance, promised, damping, steps = 0.0, 0.0, 1.0, 0.0, DAMPING, 0
+    anew = True
+    while True:
+        if anew and several and _moved(tried, known) > SETTLED:
+            known, added = tried.copy(), added_together(tried, *cells)
+        also = _compared(reading, tried, spline, added, spread, remainder, spare)
+        other, larger = _weighed(spare, also, products)
+        gained = misfit + logarithm - other - larger
+        better = anew or gained > 0.0
+        settled = not anew and (gained if better else promised) < CONVERGED
+        if not anew:
+            damping = max(0.1 * damping, 1e-9) if better else 10.0 * damping
+        if better:
+            touch, tried, rows, spare = tried, touch, spare, rows
+            misfit, logarithm, variance = other, larger, also
+            _keep(products, gradient, curvature)
+        anew = several and (better or settled) and _moved(touch, known) > (SETTLED if settled else 1.0)
+        if anew:
+            for c in range(len(touch)):
+                for k in range(3):
+                    tried[c, k] = touch[c, k]
+        elif settled or damping > 1e6 or steps == STEPS:
+            return touch, misfit, logarithm, variance, curvature, rows, known, added
+        else:
+            promised = _stepped(touch, gradient, curvature, damping, low, high, tried)
+            steps += 1
+
+
+@njit(inline="always")
+def _compared(reading, touch, spline, added, spread, remainder, rows):  # type: ignore[no-untyped-def]
+    """Fill ``rows`` (6C+1,D) for contacts (C,3) that add ``added`` (D,) together: first the possible errors of all
+    contacts, three each, then their slopes by x, y and log force, then the residual. The variance of the noise with
+    ``remainder``."""
+    tangents, predicted, slopes = np.empty((7, len(reading))), added.copy(), NUISANCES * len(touch)
     for c in range(len(touch)):
-        tangents_at(spline[0], spline[1], spline[2], spline[3], touch[c, 0], touch[c, 1], touch[c, 2], tangents)
-        predicted += tangents[0]
-        rows[slopes + 3 * c] = tangents[1]
-        rows[slopes + 3 * c + 1] = tangents[2]
-        rows[slopes + 3 * c + 2] = touch[c, 2] * tangents[3]
-        across(tangents)
+        force_n = touch[c, 2]
+        tangents_at(spline[0], spline[1], spline[2], spline[3], touch[c, 0], touch[c, 1], force_n, tangents)
+        for d in range(len(reading)):
+            predicted[d] += tangents[0, d]
+            rows[slopes + 3 * c, d] = tangents[1, d]
+            rows[slopes + 3 * c + 1, d] = tangents[2, d]
+            rows[slopes + 3 * c + 2, d] = force_n * tangents[3, d]
+        _across(tangents)
         for k in range(NUISANCES):
-            rows[NUISANCES * c + k] = spread[k] * SHAPE_M**2 * tangents[4 + k]
+            for d in range(len(reading)):
+                rows[NUISANCES * c + k, d] = spread[k] * SHAPE_M**2 * tangents[4 + k, d]
+    last = len(rows) - 1
+    for d in range(len(reading)):
+        rows[last, d] = reading[d] - predicted[d]
+    return 1.0 + remainder**2 * dot(predicted, predicted) / len(reading)
 
 
-@njit(cache=True, nogil=True)
-def across(rows):  # type: ignore[no-untyped-def]
+@njit(inline="always")
+def _across(rows):  # type: ignore[no-untyped-def]
     """Leave of each of the ``TANGENTS`` (7,D) from force and place on what lies across those before (Gram-Schmidt)."""
     order = (3, 1, 2, 4, 5, 6)
     for k in range(1, len(order)):
         row = rows[order[k]]
         for before in range(k):
             one = rows[order[before]]
-            square = one @ one
+            square = dot(one, one)
             if square > 0.0:
-                share = (row @ one) / square
+                share = dot(row, one) / square
                 for d in range(len(row)):
                     row[d] -= share * one[d]
-
-
-@njit(cache=True, nogil=True)
-def added_by(touch, cells, width):  # type: ignore[no-untyped-def]
-    """(D,) what contacts (C,3) add together to the sum of what each does."""
-    return added_together(touch, *cells) if len(touch) > 1 else np.zeros(width)
 
 
 @njit(cache=True, nogil=True)
@@ -87,35 +171,41 @@ def _moved(touch, before):  # type: ignore[no-untyped-def]
     return most
 
 
-@njit(cache=True, nogil=True)
-def weighed(rows, variance):  # type: ignore[no-untyped-def]
-    """Misfit, gradient (n,), curvature (n,n) and log determinant of the covariance, the errors integrated out.
+@njit(inline="always")
+def _weighed(rows, variance, products):  # type: ignore[no-untyped-def]
+    """Misfit and log determinant of the covariance, the errors integrated out.
 
-    ``rows`` (2n+1,D): possible errors, slopes, residual. Elimination of the errors from the symmetric matrix of all
-    their products, the noise's variance on its diagonal, leaves what is wanted of the others.
+    ``rows`` (2n+1,D): possible errors, slopes, residual. Elimination of the errors from the symmetric matrix
+    ``products`` (2n+1,2n+1) of all their products, the noise's variance on its diagonal, leaves what is wanted of the
+    others, in units of it.
     """
-    products = rows @ rows.T
     last = len(rows) - 1
-    errors = last // 2
+    for i in range(len(rows)):
+        for j in range(i, len(rows)):
+            products[i, j] = dot(rows[i], rows[j])
     logarithm = rows.shape[1] * np.log(variance)
-    for k in range(errors):
+    for k in range(last // 2):
         products[k, k] += variance
         logarithm += np.log(products[k, k] / variance)
-        eliminate(products, k)
-    for i in range(errors, len(rows)):
+        _eliminate(products, k)
+    for i in range(last // 2, len(rows)):
         for j in range(i, len(rows)):
             products[i, j] /= variance
-            products[j, i] = products[i, j]
-    return (
-        products[last, last],
-        products[errors:last, last].copy(),
-        products[errors:last, errors:last].copy(),
-        logarithm,
-    )
+    return products[last, last], logarithm
 
 
-@njit(cache=True, nogil=True)
-def eliminate(matrix, k):  # type: ignore[no-untyped-def]
+@njit(inline="always")
+def _keep(products, gradient, curvature):  # type: ignore[no-untyped-def]
+    """Fill gradient (n,) and curvature (n,n) of the misfit from the weighed ``products`` (2n+1,2n+1)."""
+    count = len(gradient)
+    for i in range(count):
+        gradient[i] = products[count + i, 2 * count]
+        for j in range(i, count):
+            curvature[i, j] = curvature[j, i] = products[count + i, count + j]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _eliminate(matrix, k):  # type: ignore[no-untyped-def]
     """Eliminate unknown ``k``, all before it being gone, from symmetric equations of which the upper half is kept."""
     first = matrix[k]
     for i in range(k + 1, len(matrix)):
@@ -124,93 +214,83 @@ def eliminate(matrix, k):  # type: ignore[no-untyped-def]
             row[j] -= share * first[j]
 
 
-@njit(cache=True, nogil=True)
-def refined(reading, start, spline, cells, spread, remainder, low, high):  # type: ignore[no-untyped-def]
-    """Most probable contacts (C,3) from ``start``, misfit, its curvature (3C,3C) by x, y, log force, log determinant.
-
-    Found first as if the response erred by ``COARSE``, which smooths the misfit, then as it is. The rest as in
-    ``descended``.
-    """
-    near = descended(reading, start, spline, cells, COARSE_SPREAD * spread, max(COARSE, remainder), low, high)[0]
-    return descended(reading, near, spline, cells, spread, remainder, low, high)
-
-
-@njit(cache=True, nogil=True)
-def descended(reading, start, spline, cells, spread, remainder, low, high):  # type: ignore[no-untyped-def]
-    """Most probable contacts (C,3) from ``start``, misfit, its curvature (3C,3C) by x, y, log force, log determinant.
-
-    ``remainder``: rms of the response's error outside ``spread``, as a share of the response. ``low``, ``high`` (3,):
-    bounds of place and force.
-    """
-    count, width = len(start), len(reading)
-    touch = start.copy()
-    predicted, rows = np.empty(width), np.empty((2 * NUISANCES * count + 1, width))
-    added, known = added_by(touch, cells, width), touch
-    variance = _compared(reading, touch, spline, added, spread, remainder, predicted, rows)
-    misfit, gradient, curvature, logarithm = weighed(rows, variance)
-    damping = DAMPING
-    for _ in range(STEPS):
-        tried, promised = _stepped(touch, gradient, curvature, damping, low, high)
-        also = _compared(reading, tried, spline, added, spread, remainder, predicted, rows)
-        found = weighed(rows, also)
-        gained = misfit + logarithm - found[0] - found[3]
-        better = gained > 0.0
-        settled = (gained if better else promised) < CONVERGED
-        if better:
-            touch, misfit, gradient, curvature, logarithm = tried, found[0], found[1], found[2], found[3]
-        damping = max(0.1 * damping, 1e-9) if better else 10.0 * damping
-        if count > 1 and (better or settled) and _moved(touch, known) > (SETTLED if settled else 1.0):
-            added, known = added_by(touch, cells, width), touch
-            variance = _compared(reading, touch, spline, added, spread, remainder, predicted, rows)
-            misfit, gradient, curvature, logarithm = weighed(rows, variance)
-        elif settled or damping > 1e6:
-            break
-    return touch, misfit, curvature, logarithm
-
-
-@njit(cache=True, nogil=True)
-def _stepped(touch, gradient, curvature, damping, low, high):  # type: ignore[no-untyped-def]
-    """Contacts (C,3) a damped step further, and what the misfit would fall by if it were as straight as it looks and
-    the step as long as it wants."""
-    damped = curvature.copy()
-    for k in range(len(gradient)):
-        damped[k, k] *= 1.0 + damping
-        damped[k, k] += 1e-12
-    step = np.linalg.solve(damped, gradient)
-    tried = touch.copy()
+@njit(inline="always")
+def _stepped(touch, gradient, curvature, damping, low, high, tried):  # type: ignore[no-untyped-def]
+    """Fill ``tried`` (C,3) with the contacts a damped step further; what the misfit would fall by if it were as
+    straight as it looks and the step as long as it wants."""
+    count = len(gradient)
+    damped, step, promised = np.zeros((count + 1, count + 1)), np.empty(count), 0.0
+    for k in range(count):
+        for j in range(k, count):
+            damped[k, j] = curvature[k, j]
+        damped[k, k] += damping * curvature[k, k] + 1e-12
+        damped[k, count] = gradient[k]
+    for k in range(count):
+        _eliminate(damped, k)
+    for k in range(count - 1, -1, -1):
+        step[k] = damped[k, count]
+        for j in range(k + 1, count):
+            step[k] -= damped[k, j] * step[j]
+        step[k] /= damped[k, k]
+        promised += gradient[k] * step[k]
     for c in range(len(touch)):
         for k in range(2):
             moved = touch[c, k] + min(max(step[3 * c + k], -MOST_STEP_M), MOST_STEP_M)
             tried[c, k] = min(max(moved, low[k]), high[k])
         stronger = touch[c, 2] * np.exp(min(max(step[3 * c + 2], -1.0), 1.0))
         tried[c, 2] = min(max(stronger, low[2]), high[2])
-    return tried, gradient @ step
+    return promised
 
 
-@njit(cache=True, nogil=True)
-def _compared(reading, touch, spline, added, spread, remainder, predicted, rows):  # type: ignore[no-untyped-def]
-    """``linearised``, with the residual (D,) in the last of ``rows``; the variance of the noise with ``remainder``."""
-    linearised(touch, spline, added, spread, predicted, rows)
-    rows[-1] = reading - predicted
-    return 1.0 + remainder**2 * (predicted @ predicted) / len(reading)
-
-
-@njit(cache=True, nogil=True)
-def log_evidence(touch, misfit, curvature, logarithm, low, high):  # type: ignore[no-untyped-def]
+def log_evidence(fit: Fit, low: Array, high: Array) -> float:
     """Log probability of a reading under as many contacts: places uniform, forces uniform in their logarithm.
 
     Where the reading tells nothing of a contact the posterior is as wide as the prior, and no wider.
     """
-    total = -0.5 * (misfit + logarithm)
-    count = len(touch)
-    if count == 0:
-        return total
-    log_range = np.log(high[2] / low[2])
-    bounded = curvature.copy()
-    for c in range(count):
-        for k in range(2):
-            bounded[3 * c + k, 3 * c + k] += 2.0 * np.pi / (high[k] - low[k]) ** 2
-        bounded[3 * c + 2, 3 * c + 2] += 2.0 * np.pi / log_range**2
-        total -= np.log((high[0] - low[0]) * (high[1] - low[1]) * log_range)
-    _, volume = np.linalg.slogdet(bounded)
-    return total + 1.5 * count * np.log(2.0 * np.pi) - 0.5 * volume
+    ranges = high[0] - low[0], high[1] - low[1], log(high[2] / low[2])
+    _, volume = inverse(fit.curvature, *(2.0 * pi / some**2 for some in ranges))
+    prior = sum(log(some) for some in ranges) - 1.5 * log(2.0 * pi)
+    return -0.5 * (fit.misfit + fit.logarithm + volume) - len(fit.touch) * prior
+
+
+def covariances(fit: Fit) -> Array:
+    """(C,3,3) of each contact's x, y and log force."""
+    return np.asarray(inverse(fit.curvature, LEAST_CURVATURE, LEAST_CURVATURE, LEAST_CURVATURE)[0])
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def inverse(curvature, x, y, force):  # type: ignore[no-untyped-def]
+    """(C,3,3) blocks on the diagonal of the inverse of ``curvature`` (3C,3C) with as much more on its own diagonal, and
+    its log determinant."""
+    count, more, logarithm = len(curvature), (x, y, force), 0.0
+    blocks, both = np.empty((count // 3, 3, 3)), np.zeros((2 * count, 2 * count))
+    for i in range(count):
+        for j in range(i, count):
+            both[i, j] = curvature[i, j]
+        both[i, i] += more[i % 3]
+        both[i, count + i] = 1.0
+    for k in range(count):
+        _eliminate(both, k)
+        logarithm += np.log(both[k, k])
+    for c in range(len(blocks)):
+        for a in range(3):
+            for b in range(3):
+                blocks[c, a, b] = -both[count + 3 * c + min(a, b), count + 3 * c + max(a, b)]
+    return blocks, logarithm
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def stated(touch, spline, error, widening, covariance):  # type: ignore[no-untyped-def]
+    """Turn covariances (n,3,3) by log force, of contacts (n,3), into those by force, with ``error``."""
+    rows = np.empty((7, spline[3].shape[3]))
+    for c in range(len(touch)):
+        tangents_at(spline[0], spline[1], spline[2], spline[3], touch[c, 0], touch[c, 1], touch[c, 2], rows)
+        # Newton that change the response by as much as it is.
+        per_size_n = np.sqrt(dot(rows[0], rows[0]) / dot(rows[3], rows[3]))
+        for a in range(3):
+            for b in range(3):
+                covariance[c, a, b] *= (touch[c, 2] if a == 2 else 1.0) * (touch[c, 2] if b == 2 else 1.0)
+            covariance[c, a, a] += (error[a] * (per_size_n if a == 2 else 1.0)) ** 2
+        for a in range(3):
+            for b in range(3):
+                covariance[c, a, b] *= widening

@@ -3,21 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import combinations
+from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
-from ertskin.physics.touch.posterior import (
-    APART_M,
-    NUISANCES,
-    added_by,
-    descended,
-    linearised,
-    log_evidence,
-    refined,
-)
-from ertskin.physics.touch.table import ResponseTable, tangents_at
+from ertskin.physics.touch.posterior import APART_M, Fit, covariances, fitted, log_evidence, refined, stated
+from ertskin.physics.touch.table import ResponseTable
 
 Array = NDArray[np.float64]
 
@@ -91,35 +84,38 @@ class TouchPosterior:
         scanned = np.ascontiguousarray(self.table.alone(place[:, :2], force))
         table, (low, high) = self.table, self.bounds
         spline = table.knots_x, table.knots_y, table.knots_n, table.response
-        object.__setattr__(self, "_model", (spline, table.compiled(), self.spread, self.remainder, low, high))
-        lightest = np.ascontiguousarray(place[force == forces[0]])
+        spread = np.ascontiguousarray(self.spread, dtype=float)
+        model = spline, table.compiled(), spread, float(self.remainder), low, high
+        lightest = place[force == forces[0]].copy()
         lightest[:, 2] = self.least_force_n
-        light = np.ascontiguousarray(self.table.alone(lightest[:, :2], lightest[:, 2]))
-        scan = place, scanned, (scanned**2).sum(axis=1), self.exchanges, lightest, light, (light**2).sum(axis=1)
-        object.__setattr__(self, "_scan", scan)
+        light = self.table.alone(lightest[:, :2], lightest[:, 2])
+        object.__setattr__(self, "_error", np.ascontiguousarray(self.error, dtype=float))
+        object.__setattr__(self, "_model", model)
+        object.__setattr__(self, "_scan", Scan(place, scanned, light))
 
     @property
     def bounds(self) -> tuple[Array, Array]:
         """(3,) least and (3,) largest x, y and force looked for."""
         grid = self.table.grid
-        low = np.array([grid.x_m[0], grid.y_m[0], self.least_force_n])
-        return low, np.array([grid.x_m[-1], grid.y_m[-1], grid.force_n[-1]])
+        low = np.array([grid.x_m[0], grid.y_m[0], self.least_force_n], dtype=float)
+        return low, np.array([grid.x_m[-1], grid.y_m[-1], grid.force_n[-1]], dtype=float)
 
     def of(self, readings: Array, proposed: Array | None = None) -> Beliefs:
         """Contacts of (N,D) readings; ``proposed`` (N,C,3) contacts to begin from, NaN for none, most likely first."""
-        slots = self.most
-        count = len(readings)
-        starts = np.full((count, 0, 3), np.nan) if proposed is None else proposed
-        touch = np.full((count, slots, 3), np.nan)
-        covariance = np.full((count, slots, 3, 3), np.nan)
-        logs = np.full((count, slots + 1), -np.inf)
-        misfit = np.empty(count)
-        for n, reading in enumerate(np.ascontiguousarray(readings, dtype=float)):
-            begun = np.ascontiguousarray(starts[n], dtype=float)
-            misfit[n] = searched(reading, begun, self._model, self._scan, touch[n], covariance[n], logs[n])  # type: ignore[attr-defined]
+        starts = np.full((len(readings), 0, 3), np.nan) if proposed is None else proposed
+        shape = len(readings), self.most
+        touch, covariance = np.full((*shape, 3), np.nan), np.full((*shape, 3, 3), np.nan)
+        logs, misfit = np.empty((shape[0], self.most + 1)), np.empty(shape[0])
+        for n, (reading, start) in enumerate(zip(np.ascontiguousarray(readings, dtype=float), starts, strict=True)):
+            search = Search(reading, self._model, self._scan, self.most, self.exchanges)  # type: ignore[attr-defined]
+            search.run(np.ascontiguousarray(start[np.isfinite(start[:, 0])], dtype=float))
+            logs[n], misfit[n] = search.logs, search.square
+            if search.fit is not None:
+                count = len(search.fit.touch)
+                touch[n, :count], covariance[n, :count] = search.fit.touch, search.covariance
+                stated(touch[n, :count], self._model[0], self._error, self.widening, covariance[n, :count])  # type: ignore[attr-defined]
         share = np.exp((logs - logs.max(axis=1, keepdims=True)) / self.temperature)
         share /= share.sum(axis=1, keepdims=True)
-        stated(touch.reshape(-1, 3), self._model[0], self.error, self.widening, covariance.reshape(-1, 3, 3))  # type: ignore[attr-defined]
         there = np.cumsum(share[:, ::-1], axis=1)[:, ::-1][:, 1:]
         probability = np.where(np.isfinite(touch[..., 2]), there, np.nan)
         return Beliefs(touch[..., :2], touch[..., 2], covariance, probability, share, misfit)
@@ -130,244 +126,179 @@ class TouchPosterior:
         offered = np.ascontiguousarray(proposed[np.isfinite(proposed[:, 0])])
         if len(held) < len(offered):
             return proposed
-        left, other = (unexplained(reading, each, self._model) for each in (held, offered))  # type: ignore[attr-defined]
+        left, other = (reading - self._predicted(each) for each in (held, offered))
         if left @ left >= other @ other:
             return proposed
         begun = np.full_like(proposed, np.nan)
         begun[: len(held)] = held
         return begun
 
-
-@njit(cache=True, nogil=True)
-def unexplained(reading, touch, model):  # type: ignore[no-untyped-def]
-    """(D,) what contacts (C,3) leave of a reading (D,)."""
-    if len(touch) == 0:
-        return reading.copy()
-    predicted, rows = np.empty(len(reading)), np.empty((2 * NUISANCES * len(touch), len(reading)))
-    linearised(touch, model[0], added_by(touch, model[1], len(reading)), model[2], predicted, rows)
-    return reading - predicted
+    def _predicted(self, touch: Array) -> Array:
+        """(D,) of contacts (C,3)."""
+        return self.table.change(touch[None, :, :2], touch[None, :, 2])[0]
 
 
-@njit(cache=True, nogil=True)
-def stated(touch, spline, error, widening, covariance):  # type: ignore[no-untyped-def]
-    """Turn covariances (n,3,3) by log force, of the contacts (n,3) there are, into those by force, with ``error``."""
-    rows = np.empty((7, spline[3].shape[3]))
-    for c in range(len(touch)):
-        force_n = touch[c, 2]
-        if not np.isfinite(force_n):
-            continue
-        covariance[c, 2] *= force_n
-        covariance[c, :, 2] *= force_n
-        tangents_at(spline[0], spline[1], spline[2], spline[3], touch[c, 0], touch[c, 1], force_n, rows)
-        # Newton that change the response by as much as it is.
-        per_size_n = np.sqrt((rows[0] @ rows[0]) / (rows[3] @ rows[3]))
-        for k in range(3):
-            covariance[c, k, k] += (error[k] * (per_size_n if k == 2 else 1.0)) ** 2
-        covariance[c] *= widening
+class Scan:
+    """What a search for one contact more begins from: ``place`` (n,3) and ``response`` (n,D), and the responses
+    ``light`` (m,D) to the lightest contacts there can be; the sums of their squares."""
+
+    def __init__(self, place: Array, response: Array, light: Array) -> None:
+        self.place, self.response, self.light = place, np.ascontiguousarray(response), np.ascontiguousarray(light)
+        self.squares, self.light_squares = (response**2).sum(axis=1), (light**2).sum(axis=1)
 
 
-@njit(cache=True, nogil=True)
-def searched(reading, proposed, model, scan, touch, covariance, logs):  # type: ignore[no-untyped-def]
-    """Fill the best contacts (C,3), covariances (C,3,3) and log evidences (C+1,) of one reading; its mean misfit."""
-    width = len(reading)
-    logs[0] = -0.5 * (reading @ reading)
-    square = (reading @ reading) / width
-    answer = _begun(reading, proposed, model)
-    while True:
-        count = len(answer[0])
-        if count > 0:
-            poor = answer[1] > SATISFIED * width or not possible(answer[0], model)
-            if count > 1 and poor and square >= SATISFIED:
-                answer = _exchanged(reading, answer, model, scan)
-            if not possible(answer[0], model):
+class Search:
+    """The most probable contacts of one reading (D,): their ``fit``, None for none, covariances (n,3,3) by x, y and log
+    force, the log evidence ``logs`` (C+1,) of each number of contacts, and the mean misfit ``square``."""
+
+    def __init__(self, reading: Array, model: tuple[Any, ...], scan: Scan, most: int, exchanges: int) -> None:
+        self.reading, self.model, self.scan, self.exchanges = reading, model, scan, exchanges
+        self.low, self.high = model[4:]
+        self.enough = SATISFIED * len(reading)
+        self.fit: Fit | None = None
+        self.logs = np.full(most + 1, -np.inf)
+        whole = float(reading @ reading)
+        self.logs[0], self.square = -0.5 * whole, whole / len(reading)
+
+    def run(self, proposed: Array) -> None:
+        """Contacts are added one at a time to the ``proposed`` (n,3), then perhaps left out."""
+        if not np.isfinite(self.square):
+            return
+        fit = self._begun(proposed)
+        while True:
+            if fit is not None:
+                poor = fit.misfit > self.enough or not self._possible(fit.touch)
+                if len(fit.touch) > 1 and poor and self.square >= SATISFIED:
+                    fit = self._exchanged(fit)
+                if not self._possible(fit.touch) or not self._weighed(fit):
+                    break
+            count = 0 if fit is None else len(fit.touch)
+            if count == len(self.logs) - 1 or self.square < SATISFIED or not (fit is None or self._hopeful(fit)):
                 break
-            best = logs.max()
-            logs[count] = log_evidence(*answer, model[4], model[5])  # type: ignore[call-arg]
-            if logs[count] > best:
-                square = _kept(answer, width, touch, covariance)
-            elif logs[count] < best - SLACK:
-                break
-        if count == len(touch) or square < SATISFIED or not hopeful(reading, answer[0], model, scan):
-            break
-        answer = _extended(reading, answer[0], model, scan, STARTS)
-    square = _fewer(reading, model, square, touch, covariance, logs)
-    return square if np.isfinite(touch[0, 0]) else _lightest(reading, model, scan, square)
+            fit = self._extended(fit, STARTS)
+        while self._one_less():
+            pass
+        if self.fit is None and self.square >= SATISFIED:
+            self._lightest()
 
+    def _begun(self, proposed: Array) -> Fit | None:
+        """The proposed contacts fitted together, the weakest left out for as long as they can't all be."""
+        now = proposed
+        while len(now):
+            fit = fitted(self.reading, now, self.model)
+            if fit.misfit > self.enough:
+                fit = refined(self.reading, now, self.model)
+            if self._possible(fit.touch):
+                return fit
+            now = np.delete(fit.touch, np.argmin(fit.touch[:, 2]), axis=0)
+        return None
 
-@njit(inline="always")
-def _begun(reading, proposed, model):  # type: ignore[no-untyped-def]
-    """The proposed contacts fitted together, the weakest left out for as long as they can't all be."""
-    offered = 0
-    while offered < len(proposed) and np.isfinite(proposed[offered, 0]):
-        offered += 1
-    now = proposed[:offered].copy()
-    while len(now) > 0:
-        answer = descended(reading, now, *model)
-        if answer[1] > SATISFIED * len(reading):
-            answer = refined(reading, now, *model)
-        if possible(answer[0], model):
-            return answer
-        weakest = np.argmin(answer[0][:, 2])
-        now = np.concatenate((answer[0][:weakest], answer[0][weakest + 1 :]))
-    return now, reading @ reading, np.zeros((0, 0)), 0.0
+    def _weighed(self, fit: Fit) -> bool:
+        """Take in a number of contacts, and keep them if none is more probable; whether to go on with more."""
+        best, count = self.logs.max(), len(fit.touch)
+        self.logs[count] = log_evidence(fit, self.low, self.high)
+        if self.logs[count] > best:
+            self._keep(fit)
+        return bool(self.logs[count] >= best - SLACK)
 
+    def _keep(self, fit: Fit) -> None:
+        self.fit, self.covariance, self.square = fit, covariances(fit), fit.misfit / len(self.reading)
 
-@njit(inline="always")
-def _kept(answer, width, touch, covariance):  # type: ignore[no-untyped-def]
-    """Fill the contacts (C,3) and covariances (C,3,3) of the best answer so far; its mean misfit."""
-    count = len(answer[0])
-    touch[:], covariance[:] = np.nan, np.nan
-    touch[:count] = answer[0]
-    inverse = np.linalg.inv(answer[2] + 1e-9 * np.eye(3 * count))
-    for c in range(count):
-        covariance[c] = inverse[3 * c : 3 * c + 3, 3 * c : 3 * c + 3]
-    return answer[1] / width
-
-
-@njit(inline="always")
-def _fewer(reading, model, square, touch, covariance, logs):  # type: ignore[no-untyped-def]
-    """Weigh one contact less than the best, the one least sure left out, until that is out of question; the mean misfit
-    of what is best then."""
-    while True:
-        count = 0
-        while count < len(touch) and np.isfinite(touch[count, 0]):
-            count += 1
-        if count < 2 or np.isfinite(logs[count - 1]):
-            return square
-        doubtful = 0
-        for c in range(count):
-            if covariance[c, 2, 2] > covariance[doubtful, 2, 2]:
-                doubtful = c
-        if covariance[doubtful, 2, 2] < 1.0 / BEYOND_DOUBT:
-            return square
-        others = np.concatenate((touch[:doubtful], touch[doubtful + 1 : count]))
-        answer = descended(reading, others, *model)
-        if not possible(answer[0], model):
-            return square
-        logs[count - 1] = log_evidence(*answer, model[4], model[5])  # type: ignore[call-arg]
-        if logs[count - 1] < logs[count]:
-            return square
-        square = _kept(answer, len(reading), touch, covariance)
-
-
-@njit(inline="always")
-def _lightest(reading, model, scan, square):  # type: ignore[no-untyped-def]
-    """Mean misfit of a reading without contacts, or with one that is lighter than they can be."""
-    if square < SATISFIED:
-        return square
-    spline, cells, spread, remainder, low, high = model
-    lighter = low.copy()
-    lighter[2] *= LIGHTER
-    place = next_contacts(reading, np.empty((0, 3)), model, scan, 1)
-    place[0, 2] = low[2]
-    return min(square, descended(reading, place, spline, cells, spread, remainder, lighter, high)[1] / len(reading))
-
-
-@njit(cache=True, nogil=True)
-def hopeful(reading, now, model, scan):  # type: ignore[no-untyped-def]
-    """Whether one contact more, as light as they can be or stronger, may lower the misfit by as much as its place and
-    force cost in the evidence, those there are (C,3) following as straight as they look."""
-    count, width = len(now), len(reading)
-    if count == 0:
+    def _one_less(self) -> bool:
+        """Weigh one contact less than the best, the one least sure left out, unless that is out of question; whether
+        that is best then."""
+        count = 0 if self.fit is None else len(self.fit.touch)
+        if self.fit is None or count < 2 or np.isfinite(self.logs[count - 1]):
+            return False
+        doubtful = int(np.argmax(self.covariance[:, 2, 2]))
+        if self.covariance[doubtful, 2, 2] < 1.0 / BEYOND_DOUBT:
+            return False
+        fit = fitted(self.reading, np.delete(self.fit.touch, doubtful, axis=0), self.model)
+        if not self._possible(fit.touch):
+            return False
+        self.logs[count - 1] = log_evidence(fit, self.low, self.high)
+        if self.logs[count - 1] < self.logs[count]:
+            return False
+        self._keep(fit)
         return True
-    places, responses, squares = scan[4:]
-    predicted, rows = np.empty(width), np.empty((2 * NUISANCES * count, width))
-    linearised(now, model[0], added_by(now, model[1], width), model[2], predicted, rows)
-    left = reading - predicted
-    variance = 1.0 + model[3] ** 2 * (predicted @ predicted) / width
-    products = rows @ rows.T
-    for k in range(len(rows)):
-        products[k, k] += variance if k < NUISANCES * count else 1e-9 * products[k, k] + 1e-12
-    seen = responses @ rows.T
-    taken = np.linalg.solve(products, np.ascontiguousarray(seen.T))
-    by_left = (responses @ left - (rows @ left) @ taken) / variance
-    for k in range(len(places)):
-        own = (squares[k] - seen[k] @ taken[:, k]) / variance
-        share = max(by_left[k] / own, 1.0)
-        if 2.0 * share * by_left[k] - share**2 * own > HOPELESS:
-            return True
-    return False
+
+    def _lightest(self) -> None:
+        """A reading without contacts may have one that is lighter than they can be."""
+        spline, cells, spread, remainder, low, high = self.model
+        lighter = low * [1.0, 1.0, LIGHTER]
+        place = next_contacts(self.reading, np.empty((0, 3)), self.scan, 1)
+        place[0, 2] = low[2]
+        fit = fitted(self.reading, place, (spline, cells, spread, remainder, lighter, high))
+        self.square = min(self.square, fit.misfit / len(self.reading))
+
+    def _hopeful(self, fit: Fit) -> bool:
+        """Whether one contact more, as light as they can be or stronger, may lower the misfit by as much as its place
+        and force cost in the evidence, those there are following as straight as they look."""
+        rows, light = fit.rows[:-1], self.scan.light
+        products = rows @ rows.T
+        diagonal = products.diagonal().copy()
+        half = len(rows) // 2
+        diagonal[:half] = fit.variance
+        diagonal[half:] = 1e-9 * diagonal[half:] + 1e-12
+        products[range(2 * half), range(2 * half)] += diagonal
+        across = np.linalg.solve(np.linalg.cholesky(products), rows)
+        seen = light @ across.T
+        by_left = (light @ fit.left - seen @ (across @ fit.left)) / fit.variance
+        own = (self.scan.light_squares - np.square(seen).sum(axis=1)) / fit.variance
+        share = np.maximum(by_left / own, 1.0)
+        return bool(np.any(2.0 * share * by_left - share**2 * own > HOPELESS))
+
+    def _extended(self, fit: Fit | None, starts: int) -> Fit:
+        """``refined`` of the contacts of a fit with the one more that fits best, of so many ``starts``."""
+        now, left = (np.empty((0, 3)), self.reading) if fit is None else (fit.touch, fit.left)
+        best: Fit | None = None
+        for contact in next_contacts(left, now, self.scan, starts):
+            other = refined(self.reading, np.vstack([now, contact]), self.model)
+            if best is None or self._cost(other) < self._cost(best):
+                best = other
+            if best.misfit < self.enough and self._possible(best.touch):
+                break
+        assert best is not None
+        return best
+
+    def _exchanged(self, fit: Fit) -> Fit:
+        """Each contact in turn taken away and looked for anew, for as long as that fits better."""
+        best = fit
+        for _ in range(self.exchanges):
+            better = False
+            for c in range(len(fit.touch)):
+                alone = refined(self.reading, np.delete(best.touch, c, axis=0), self.model)
+                other = self._extended(alone, 2 * STARTS)
+                if self._cost(other) < self._cost(best) - 1.0:
+                    best, better = other, True
+            if not better:
+                break
+        return best
+
+    def _cost(self, fit: Fit) -> float:
+        """What ``refined`` minimises, far above anything possible for contacts that can't be."""
+        return fit.misfit + (fit.logarithm if self._possible(fit.touch) else IMPOSSIBLE)
+
+    def _possible(self, touch: Array) -> bool:
+        """Whether all of the contacts (C,3) press, and none lies nearer to another than contacts can."""
+        places = touch.tolist()
+        return all(force_n > self.low[2] for _, _, force_n in places) and all(
+            (x - u) ** 2 + (y - v) ** 2 >= APART_M**2 for (x, y, _), (u, v, _) in combinations(places, 2)
+        )
 
 
-@njit(inline="always")
-def _extended(reading, now, model, scan, starts):  # type: ignore[no-untyped-def]
-    """``refined`` of the contacts ``now`` with the one more that fits best, of so many ``starts``."""
-    tried = next_contacts(reading, now, model, scan, starts)
-    best = refined(reading, _with(now, tried[0]), *model)
-    for k in range(1, len(tried)):
-        if best[1] < SATISFIED * len(reading) and possible(best[0], model):
-            break
-        other = refined(reading, _with(now, tried[k]), *model)
-        if _cost(other, model) < _cost(best, model):
-            best = other
-    return best
-
-
-@njit(inline="always")
-def _exchanged(reading, answer, model, scan):  # type: ignore[no-untyped-def]
-    """Each contact in turn taken away and looked for anew, for as long as that fits better."""
-    best = answer
-    for _ in range(scan[3]):
-        better = False
-        for c in range(len(answer[0])):
-            others = np.concatenate((best[0][:c], best[0][c + 1 :]))
-            alone = refined(reading, others, *model)[0]
-            other = _extended(reading, alone, model, scan, 2 * STARTS)
-            if _cost(other, model) < _cost(best, model) - 1.0:
-                best, better = other, True
-        if not better:
-            break
-    return best
-
-
-@njit(cache=True, nogil=True)
-def _with(now, contact):  # type: ignore[no-untyped-def]
-    more = np.empty((len(now) + 1, 3))
-    more[: len(now)] = now
-    more[len(now)] = contact
-    return more
-
-
-@njit(cache=True, nogil=True)
-def next_contacts(reading, now, model, scan, starts):  # type: ignore[no-untyped-def]
-    """(n,3) of the scan, apart from one another: the contacts that beside those ``now`` leave least, best first."""
-    places, responses, squares = scan[:3]
-    remains = squares - 2.0 * (responses @ unexplained(reading, now, model))
-    chosen = np.empty((starts, 3))
-    for n in range(starts):
-        best = 0
-        for k in range(len(places)):
-            free = True
-            for c in range(len(now)):
-                free &= _apart(now[c], places[k], APART_M)
-            for c in range(n):
-                free &= _apart(chosen[c], places[k], STARTS_APART_M)
-            if not free:
-                remains[k] = np.inf
-            elif remains[k] < remains[best]:
-                best = k
-        chosen[n] = places[best]
+def next_contacts(left: Array, now: Array, scan: Scan, count: int) -> Array:
+    """(count,3) of the scan, apart from one another: the contacts that beside those ``now`` (n,3) leave least of what
+    they leave (D,), best first."""
+    remains = scan.squares - 2.0 * (scan.response @ left)
+    for contact in now:
+        remains[_near(scan.place, contact, APART_M)] = np.inf
+    chosen = np.empty((count, 3))
+    for n in range(count):
+        chosen[n] = scan.place[np.argmin(remains)]
+        remains[_near(scan.place, chosen[n], STARTS_APART_M)] = np.inf
     return chosen
 
 
-@njit(cache=True, nogil=True)
-def _apart(one, other, least_m):  # type: ignore[no-untyped-def]
-    return (one[0] - other[0]) ** 2 + (one[1] - other[1]) ** 2 >= least_m**2
-
-
-@njit(cache=True, nogil=True)
-def _cost(answer, model):  # type: ignore[no-untyped-def]
-    """What ``refined`` minimises, far above anything possible for contacts that can't be."""
-    return answer[1] + answer[3] if possible(answer[0], model) else IMPOSSIBLE + answer[1]
-
-
-@njit(cache=True, nogil=True)
-def possible(touch, model):  # type: ignore[no-untyped-def]
-    """Whether all of the contacts (C,3) press, and none lies nearer to another than contacts can."""
-    if touch[:, 2].min() <= model[4][2]:
-        return False
-    for a in range(len(touch)):
-        for b in range(a):
-            if not _apart(touch[a], touch[b], APART_M):
-                return False
-    return True
+def _near(place: Array, contact: Array, least_m: float) -> NDArray[np.bool_]:
+    return np.asarray((place[:, 0] - contact[0]) ** 2 + (place[:, 1] - contact[1]) ** 2 < least_m**2)

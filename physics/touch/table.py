@@ -77,6 +77,13 @@ class ResponseTable:
     interplay: Interplay
     read: Array
 
+    def __post_init__(self) -> None:
+        """In one type and layout whatever they came from, or numba compiles anew what takes them."""
+        for name in ("knots_x", "knots_y", "knots_n", "read"):
+            object.__setattr__(self, name, np.ascontiguousarray(getattr(self, name), dtype=float))
+        for name in ("response", "cell_s"):
+            object.__setattr__(self, name, np.ascontiguousarray(getattr(self, name), dtype=np.float32))
+
     @classmethod
     def through(cls, grid: TouchGrid, change_ohm: Array, cell_s: Array, interplay: Interplay) -> ResponseTable:
         """From changes at ``grid.presses``: (X*Y*F,P) of pair resistances, (X*Y*F,C) of the cells' conductance."""
@@ -152,6 +159,15 @@ def _splined(grid: TouchGrid, values: Array) -> tuple[Array, tuple[Array, Array,
     return np.ascontiguousarray(made), (knots_x, knots_y, knots_n)
 
 
+@njit(cache=True, nogil=True, fastmath={"reassoc", "contract", "nsz"})
+def dot(one, other):  # type: ignore[no-untyped-def]
+    """Sum of products, in whatever order is fastest."""
+    total = 0.0
+    for d in range(len(one)):
+        total += one[d] * other[d]
+    return total
+
+
 @njit(cache=True, nogil=True)
 def tangents_at(knots_x, knots_y, knots_n, response, x, y, force, out):  # type: ignore[no-untyped-def]
     """Fill ``out`` (7,D) with a single contact's response and its derivatives: summed over forces, then y, then x."""
@@ -175,7 +191,7 @@ def tangents_at(knots_x, knots_y, knots_n, response, x, y, force, out):  # type:
             out[6, d] += x1 * by_y[d]
 
 
-@njit(cache=True, nogil=True)
+@njit(inline="always")
 def _over_forces(rows, bf, by, along):  # type: ignore[no-untyped-def]
     """Add to ``along`` (4,D) one place's part in the response, its slope and second derivative by y, its slope by
     force."""
@@ -225,10 +241,18 @@ def added_together(touch, knots_x, knots_y, knots_n, cell_s, center_m, reach_m, 
 def all_together(touch, present, rows, cells, total):  # type: ignore[no-untyped-def]
     """Add to ``total`` (N,D) what the contacts (N,C,3) that are ``present`` add together, in the frames ``rows``."""
     for row in rows:
-        total[row] += added_together(touch[row][present[row]], *cells)
+        some, count = np.empty((touch.shape[1], 3)), 0
+        for c in range(touch.shape[1]):
+            if present[row, c]:
+                for k in range(3):
+                    some[count, k] = touch[row, c, k]
+                count += 1
+        added = added_together(some[:count], *cells)
+        for d in range(len(added)):
+            total[row, d] += added[d]
 
 
-@njit(cache=True, nogil=True)
+@njit(inline="always")
 def _pressed_cells(touch, first, cells, change, knots_x, knots_y, knots_n, cell_s, center_m, reach_m):  # type: ignore[no-untyped-def]
     """Append the cells a contact presses from place ``first`` on; where the next contact's begin."""
     bx, by, bf = np.empty((3, 4)), np.empty((3, 4)), np.empty((3, 4))

@@ -96,6 +96,10 @@ class OfReadings(nn.Module):
 def export_onnx(reconstruction: Reconstruction, path: Path) -> None:
     """Write the reconstruction to ``path``; raises ``UserError`` for a network that can't be exported."""
     protocol, network = reconstruction.protocol, reconstruction.network
+    # Taken before the graph is made in single precision: what decides stays as exact as in training.
+    beside = {} if reconstruction.monitor is None else reconstruction.monitor.held()
+    if isinstance(network, ContactsNetwork):
+        beside |= network.held() | {"least_force_n": network.least_force_n, "most": network.most}
     module = _module(reconstruction).eval().float()
     frames = [torch.zeros(1, protocol.shape[0] * protocol.shape[1])]
     inputs = [INPUT]
@@ -125,9 +129,6 @@ def export_onnx(reconstruction: Reconstruction, path: Path) -> None:
             | {name: {0: "frames"} for name in outputs},
         )
     _describe(aside, _about(reconstruction))
-    beside = {} if reconstruction.monitor is None else reconstruction.monitor.held()
-    if isinstance(network, ContactsNetwork):
-        beside |= network.held() | {"least_force_n": network.least_force_n, "most": network.most}
     _write_beside(path.with_suffix(TABLE_SUFFIX), beside)
     os.replace(aside, path)
 

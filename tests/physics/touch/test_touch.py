@@ -13,6 +13,7 @@ from toy_skin import EXTENT_M, response, toy_table
 from ertskin.physics.conduction.sheet import SheetModel
 from ertskin.physics.sensor import Sensor
 from ertskin.physics.touch.interplay import Interplay, pair_change
+from ertskin.physics.touch.posterior import descended
 from ertskin.physics.touch.search import TouchPosterior
 from ertskin.physics.touch.spline import basis, coefficients
 
@@ -127,6 +128,24 @@ def test_nothing_is_found_in_noise_and_a_strange_reading_shows(posterior):
     assert quiet.misfit.mean() == pytest.approx(1.0, abs=0.1)
     strange = posterior.of(200.0 * rng.standard_normal((1, 42)))
     assert strange.misfit[0] > 100
+
+
+def test_a_reading_that_is_no_number_has_no_contacts(posterior):
+    found = posterior.of(np.full((1, 42), np.nan), np.array([[[0.03, 0.02, 2.0]]]))
+    assert not np.isfinite(found.force_n).any()
+    assert np.isnan(found.misfit[0])
+
+
+def test_types_of_arrays_compile_nothing_anew(posterior):
+    inter = posterior.table.interplay
+    single = Interplay(*(getattr(inter, name).astype(np.float32) for name in ("center_m", "area_m2", "field", "green")))
+    table = replace(posterior.table, knots_x=posterior.table.knots_x.astype(np.float32), interplay=single)
+    other = replace(posterior, table=table, spread=posterior.spread.astype(np.float32), error=np.zeros(3, np.float32))
+    reading = response(np.array([[0.03, 0.02], [0.06, 0.05]]), np.array([2.0, 3.0])).sum(axis=0, keepdims=True)
+    posterior.of(reading)
+    kinds = len(descended.signatures)
+    assert np.isfinite(other.of(reading).force_n).sum() == 2
+    assert len(descended.signatures) == kinds
 
 
 def test_a_table_in_fewer_coordinates_reads_the_same(posterior):
