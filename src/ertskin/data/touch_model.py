@@ -65,12 +65,23 @@ class TouchModel:
 
     def widened(self, contact_m: Array, force_n: Array, least_force_n: float) -> TouchModel:
         """With covariances as wide as the presses it was corrected by, at (M,2) with (M,) newton, say: ``STATED`` of
-        the regions hold the press, each told by a response corrected without its place. Never narrower than before."""
+        the regions hold a press at one place more, told by a response that is corrected without it. Never narrower
+        than before."""
         real = np.column_stack([contact_m, force_n])
         said = self.posterior(least_force_n).of(self.unseen_v @ self.matrix, real[:, None])
         found = np.isfinite(said.force_n).sum(axis=1) == 1
         error = np.column_stack([said.contact_m[:, 0], said.force_n[:, 0]]) - real
         solved = np.linalg.solve(said.covariance[found, 0], error[found, :, None])[..., 0]
         away = (error[found] * solved).sum(axis=1)
-        widening = float(np.quantile(away, STATED) / chi2.ppf(STATED, 3)) if found.any() else 1.0
+        share = share_to_hold(len(np.unique(contact_m, axis=0)))
+        widening = float(np.quantile(away, share) / chi2.ppf(STATED, 3)) if found.any() else 1.0
         return replace(self, error=replace(self.error, widening=max(1.0, self.error.widening * widening)))
+
+
+def share_to_hold(places: int) -> float:
+    """Of presses at so many places, the share that regions must hold for ``STATED`` of them to hold one more.
+
+    The quantile of conformal prediction (Lei et al., J. Am. Stat. Assoc. 113 (2018) 1094): the new one is as likely to
+    come at any rank among them. All of them where there are too few to say.
+    """
+    return min(1.0, np.ceil((places + 1) * STATED) / places)

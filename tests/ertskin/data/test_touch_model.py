@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from ertskin.data.touch_model import STATED, ModelError, TouchModel
+from ertskin.data.touch_model import STATED, ModelError, TouchModel, share_to_hold
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "physics" / "touch"))
 from toy_skin import EXTENT_M, response, toy_table
@@ -47,3 +47,11 @@ def test_regions_grow_until_they_hold_presses_of_the_same_kind() -> None:
 def test_regions_never_shrink() -> None:
     place, force, seen = presses(0, 100, 0.0)
     assert model(seen).widened(place, force, 0.1).error.widening == 1.0
+
+
+@pytest.mark.parametrize("places", [9, 12, 36])
+def test_a_press_more_is_held_as_often_as_stated(places: int) -> None:
+    drawn = np.random.default_rng(0).chisquare(3, (20000, places + 1))
+    within = drawn[:, -1] <= np.quantile(drawn[:, :-1], share_to_hold(places), axis=1)
+    assert STATED - 0.005 <= within.mean() <= STATED + 1.0 / places
+    assert share_to_hold(6) == 1.0
