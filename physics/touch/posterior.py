@@ -67,15 +67,18 @@ class Fit:
         return np.asarray(self.rows[-1])
 
 
-def fitted(reading: Array, start: Array, model: tuple[Any, ...], before: Fit | None = None) -> Fit:
-    """Most probable contacts near ``start`` (C,3), C > 0; ``before``: as many fitted near there.
+def fitted(
+    reading: Array, start: Array, model: tuple[Any, ...], before: Fit | None = None, *, steps: int = STEPS
+) -> Fit:
+    """Most probable contacts near ``start`` (C,3), C > 0, so many ``steps`` away at most; ``before``: as many fitted
+    near there.
 
     ``model``: the response's spline, the cells of ``added_together``, ``spread``, ``remainder`` (rms of the response's
     error outside ``spread``, as a share of the response), least and largest place and force, (3,) each.
     """
     known = np.full_like(start, np.inf) if before is None else before.known
     added = np.zeros_like(reading) if before is None else before.added
-    return Fit(*descended(reading, start, known, added, *model))
+    return Fit(*descended(reading, start, known, added, steps, *model))
 
 
 def refined(reading: Array, start: Array, model: tuple[Any, ...]) -> Fit:
@@ -88,13 +91,13 @@ def refined(reading: Array, start: Array, model: tuple[Any, ...]) -> Fit:
 
 # Numba compiles a function again with each one that calls it: what has a single caller is written into that one.
 @njit(cache=True, nogil=True, error_model="numpy")
-def descended(reading, start, known, added, spline, cells, spread, remainder, low, high):  # type: ignore[no-untyped-def]
+def descended(reading, start, known, added, steps, spline, cells, spread, remainder, low, high):  # type: ignore[no-untyped-def]
     """The numbers of ``fitted``."""
     touch, tried, several = start.copy(), start.copy(), len(start) > 1
     rows = np.empty((2 * NUISANCES * len(start) + 1, len(reading)))
     spare, products = np.empty_like(rows), np.empty((len(rows), len(rows)))
     gradient, curvature = np.empty(3 * len(start)), np.empty((3 * len(start), 3 * len(start)))
-    misfit, logarithm, variance, promised, damping, steps = 0.0, 0.0, 1.0, 0.0, DAMPING, 0
+    misfit, logarithm, variance, promised, damping = 0.0, 0.0, 1.0, 0.0, DAMPING
     anew = True
     while True:
         if anew and several and _moved(tried, known) > SETTLED:
@@ -115,11 +118,11 @@ def descended(reading, start, known, added, spline, cells, spread, remainder, lo
             for c in range(len(touch)):
                 for k in range(3):
                     tried[c, k] = touch[c, k]
-        elif settled or damping > 1e6 or steps == STEPS:
+        elif settled or damping > 1e6 or steps == 0:
             return touch, misfit, logarithm, variance, curvature, rows, known, added
         else:
             promised = _stepped(touch, gradient, curvature, damping, low, high, tried)
-            steps += 1
+            steps -= 1
 
 
 @njit(inline="always")

@@ -27,6 +27,8 @@ SCAN_FORCES = (0.06, 0.12, 0.25, 0.5, 0.8)
 BEYOND_DOUBT = 200.0
 """A contact whose force is this many times its standard deviation, squared, costs so much in the log evidence to leave
 out that fewer contacts are out of question."""
+HELD_STEPS = 4
+"""Contacts that go on are found in less."""
 LIGHTER = 0.05
 """A touch may be this much lighter than the lightest contact before a reading without contacts is a strange one."""
 HOPELESS = 10.0
@@ -103,12 +105,37 @@ class TouchPosterior:
     def of(self, readings: Array, proposed: Array | None = None) -> Beliefs:
         """Contacts of (N,D) readings; ``proposed`` (N,C,3) contacts to begin from, NaN for none, most likely first."""
         starts = np.full((len(readings), 0, 3), np.nan) if proposed is None else proposed
-        shape = len(readings), self.most
+        found = []
+        for reading, start in zip(np.ascontiguousarray(readings, dtype=float), starts, strict=True):
+            search = self._search(reading)
+            search.run(_finite(start))
+            found.append(search)
+        return self._believed(found)
+
+    def followed(self, reading: Array, proposed: Array, held: Held | None = None) -> tuple[Beliefs, Held | None]:
+        """Contacts of one reading (D,), and what to hold of them for the next; ``proposed`` (C,3) as in ``of``.
+
+        Where the contacts ``held`` of the reading before leave of this one what they left of theirs but for noise,
+        there is nothing new to be found, and nothing is searched for.
+        """
+        search = self._search(np.ascontiguousarray(reading, dtype=float))
+        same = held is not None and search.goes_on(held)
+        if not same:
+            search.run(_finite(proposed))
+        beliefs = self._believed([search])
+        if search.fit is None:
+            return beliefs, None
+        left = held.left if same and held is not None else search.fit.left
+        return beliefs, Held(search.fit, left, search.logs - search.logs[len(search.fit.touch)])
+
+    def _search(self, reading: Array) -> Search:
+        return Search(reading, self._model, self._scan, self.most, self.exchanges)  # type: ignore[attr-defined]
+
+    def _believed(self, found: list[Search]) -> Beliefs:
+        shape = len(found), self.most
         touch, covariance = np.full((*shape, 3), np.nan), np.full((*shape, 3, 3), np.nan)
         logs, misfit = np.empty((shape[0], self.most + 1)), np.empty(shape[0])
-        for n, (reading, start) in enumerate(zip(np.ascontiguousarray(readings, dtype=float), starts, strict=True)):
-            search = Search(reading, self._model, self._scan, self.most, self.exchanges)  # type: ignore[attr-defined]
-            search.run(np.ascontiguousarray(start[np.isfinite(start[:, 0])], dtype=float))
+        for n, search in enumerate(found):
             logs[n], misfit[n] = search.logs, search.square
             if search.fit is not None:
                 count = len(search.fit.touch)
@@ -120,22 +147,20 @@ class TouchPosterior:
         probability = np.where(np.isfinite(touch[..., 2]), there, np.nan)
         return Beliefs(touch[..., :2], touch[..., 2], covariance, probability, share, misfit)
 
-    def begun(self, reading: Array, proposed: Array, held: Array) -> Array:
-        """(C,3) contacts to begin from in a reading (D,): those ``proposed`` (C,3), NaN for none, or ``held`` (n,3) of
-        the scan before, where these aren't fewer and leave less of it as they are."""
-        offered = np.ascontiguousarray(proposed[np.isfinite(proposed[:, 0])])
-        if len(held) < len(offered):
-            return proposed
-        left, other = (reading - self._predicted(each) for each in (held, offered))
-        if left @ left >= other @ other:
-            return proposed
-        begun = np.full_like(proposed, np.nan)
-        begun[: len(held)] = held
-        return begun
 
-    def _predicted(self, touch: Array) -> Array:
-        """(D,) of contacts (C,3)."""
-        return self.table.change(touch[None, :, :2], touch[None, :, 2])[0]
+def _finite(contacts: Array) -> Array:
+    """Those of (C,3) that there are."""
+    return np.ascontiguousarray(contacts[np.isfinite(contacts[:, 0])], dtype=float)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Held:
+    """Contacts of a reading, kept for the next: their ``fit``; ``left`` (D,) of the reading last searched through, when
+    these contacts, moved since, were the most probable; ``logs`` (C+1,): log evidences less theirs."""
+
+    fit: Fit
+    left: Array
+    logs: Array
 
 
 class Scan:
@@ -159,6 +184,22 @@ class Search:
         self.logs = np.full(most + 1, -np.inf)
         whole = float(reading @ reading)
         self.logs[0], self.square = -0.5 * whole, whole / len(reading)
+
+    def goes_on(self, held: Held) -> bool:
+        """Whether the contacts held explain this reading as they did the one they were found in; they are the answer
+        then, or one less."""
+        fit = fitted(self.reading, held.fit.touch, self.model, held.fit, steps=HELD_STEPS)
+        changed = fit.left - held.left
+        if not changed @ changed <= 2.0 * self.enough or not self._possible(fit.touch):
+            return False
+        more = len(fit.touch) + 1
+        self._weighed(fit)
+        if self.fit is None:
+            return False
+        self.logs[more:] = held.logs[more:] + self.logs[more - 1]
+        while self._one_less():
+            pass
+        return True
 
     def run(self, proposed: Array) -> None:
         """Contacts are added one at a time to the ``proposed`` (n,3), then perhaps left out."""

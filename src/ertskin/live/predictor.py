@@ -15,7 +15,7 @@ from ertskin.models.deciding import estimate_of, posterior_of, proposals
 from ertskin.models.estimate import Estimate
 from ertskin.models.monitor import SkinMonitor
 from ertskin.models.votes import counted, on_taxels
-from ertskin.physics.touch.search import TouchPosterior
+from ertskin.physics.touch.search import Held, TouchPosterior
 
 Array = NDArray[np.float64]
 ABOUT = "ertskin"
@@ -67,26 +67,36 @@ class Predictor:
         flat = np.ascontiguousarray(change_v, dtype=np.float32).reshape(len(change_v), -1)
         return self._estimate({"change_v": flat})
 
-    def estimate_coordinates(self, coordinates_v: Array, held: Array | None = None) -> Estimate:
-        """Touches of (N,n) changes of the whitened coordinates, in volt: the same, faster where these are known.
+    def estimate_coordinates(self, coordinates_v: Array) -> Estimate:
+        """Touches of (N,n) changes of the whitened coordinates, in volt: the same, faster where these are known."""
+        return self._estimate(self._of_coordinates(coordinates_v))
 
-        ``held`` (C,3): contacts of the scan before, x, y in metre and force in newton. The search in the first
-        scan begins from them where they explain it better than what the network proposes.
-        """
+    def followed(self, coordinates_v: Array, held: Held | None) -> tuple[Estimate, Held | None]:
+        """Touches of one scan (n,), and what to hold of them for the next: contacts that stay aren't searched for
+        again (``TouchPosterior.followed``)."""
+        given = self._of_coordinates(coordinates_v[None])
+        if self._posterior is None:
+            return self._estimate(given), None
+        readings, proposed = self._proposed(self._session.run(None, given))
+        beliefs, held = self._posterior.followed(readings[0], proposed[0], held)
+        return estimate_of(beliefs, self.kind.taxel_m), held
+
+    def _of_coordinates(self, coordinates_v: Array) -> dict[str, NDArray[np.float32]]:
         nothing = np.zeros((0, self.kind.shape[0] * self.kind.shape[1]), dtype=np.float32)
-        return self._estimate({"change_v": nothing, COORDINATES: coordinates_v.astype(np.float32)}, held)
+        return {"change_v": nothing, COORDINATES: coordinates_v.astype(np.float32)}
 
-    def _estimate(self, given: dict[str, NDArray[np.float32]], held: Array | None = None) -> Estimate:
+    def _proposed(self, answers: list[Any]) -> tuple[Array, Array]:
+        """Readings (N,D) in units of the noise, and the contacts (N,C,3) the network proposes in them."""
+        assert self._posterior is not None
+        probability, force, place_m, readings = (answer.astype(float) for answer in answers)
+        settings = (self.kind.spacing_m, self.kind.threshold, self._posterior.most)
+        return readings, proposals(probability, force, place_m, *settings)
+
+    def _estimate(self, given: dict[str, NDArray[np.float32]]) -> Estimate:
         answers: list[Any] = self._session.run(None, given)
-        probability, force = (answer.astype(float) for answer in answers[:2])
         if self._posterior is not None:
-            place_m = answers[2].astype(float)
-            settings = (self.kind.spacing_m, self.kind.threshold, self._posterior.most)
-            proposed = proposals(probability, force, place_m, *settings)
-            readings = answers[3].astype(float)
-            if held is not None:
-                proposed[0] = self._posterior.begun(readings[0], proposed[0], held)
-            return estimate_of(self._posterior.of(readings, proposed), self.kind.taxel_m)
+            return estimate_of(self._posterior.of(*self._proposed(answers)), self.kind.taxel_m)
+        probability, force = (answer.astype(float) for answer in answers[:2])
         if self.kind.kind == "places":
             votes = zip(probability, force, answers[2].astype(float), strict=True)
             radius = 0.5 * self.kind.spacing_m

@@ -13,6 +13,7 @@ from ertskin.hardware.instrument import Scan
 from ertskin.live.predictor import Predictor
 from ertskin.live.watch import SeenScan, Watch
 from ertskin.models.estimate import Estimate
+from ertskin.physics.touch.search import Held
 
 Array = NDArray[np.float64]
 DRIFT_NOISES = 3.0
@@ -101,7 +102,7 @@ class Session:
         self._lost = 0
         self._times: deque[float] = deque(maxlen=20)
         self._drift: deque[float] = deque(maxlen=5)
-        self._held: Array | None = None
+        self._held: Held | None = None
         taxels = len(predictor.kind.taxel_m)
         self._nothing = Estimate(np.zeros((1, taxels)), np.zeros((1, taxels), dtype=bool))
 
@@ -127,20 +128,19 @@ class Session:
         """On the resting skin as it is followed."""
         begin = time.perf_counter()
         seen = watch.see(scan.voltage_v, scan.time_s)
-        estimate = self._nothing if seen.at_rest else self._answered(seen)
+        estimate, held = (self._nothing, None) if seen.at_rest else self._answered(seen)
         novelty, at_rest = watch.judged(seen, estimate)
-        estimate = self._nothing if at_rest else estimate
-        self._held = held_in(estimate)
+        estimate, self._held = (self._nothing, None) if at_rest else (estimate, held)
         latency = time.perf_counter() - begin
         if not estimate.present.any():
             self._drift.append(float(np.sqrt(max(0.0, seen.surprise * watch.monitor.resting.limit - 1.0))))
         frame = self._frame(scan, estimate, latency)
         return replace(frame, novelty=novelty, sheet_change=watch.state.gain - 1.0, left=watch.left)
 
-    def _answered(self, seen: SeenScan) -> Estimate:
+    def _answered(self, seen: SeenScan) -> tuple[Estimate, Held | None]:
         if self._predictor.reads_coordinates:
-            return self._predictor.estimate_coordinates(seen.coordinates_v[None], self._held)
-        return self._predictor.estimate(seen.change_v[None])
+            return self._predictor.followed(seen.coordinates_v, self._held)
+        return self._predictor.estimate(seen.change_v[None]), None
 
     def _seen_by_zero(self, scan: Scan) -> LiveFrame:
         """Against the zero alone."""
@@ -208,14 +208,6 @@ def noise_of(scans_v: Array) -> float:
     # Noise far below a count of the converter makes most differences 0: then none is left out.
     most = SPIKE_SIGMAS * 1.4826 * float(np.median(step)) or np.inf
     return float(np.sqrt(np.mean(np.square(step[step <= most]))))
-
-
-def held_in(estimate: Estimate) -> Array | None:
-    """(C,3) x, y and force of the first frame's contacts; None of a network that doesn't place them itself."""
-    if estimate.contact_m is None or estimate.contact_force_n is None:
-        return None
-    found = np.column_stack([estimate.contact_m[0], estimate.contact_force_n[0]])
-    return np.asarray(found[np.isfinite(found[:, 2])])
 
 
 def contacts_of(estimate: Estimate, taxel_m: Array) -> tuple[Contact, ...]:

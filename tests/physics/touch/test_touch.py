@@ -14,7 +14,7 @@ from ertskin.physics.conduction.sheet import SheetModel
 from ertskin.physics.sensor import Sensor
 from ertskin.physics.touch.interplay import Interplay, pair_change
 from ertskin.physics.touch.posterior import descended
-from ertskin.physics.touch.search import TouchPosterior
+from ertskin.physics.touch.search import Search, TouchPosterior
 from ertskin.physics.touch.spline import basis, coefficients
 
 
@@ -157,15 +157,46 @@ def test_a_table_in_fewer_coordinates_reads_the_same(posterior):
     assert np.allclose(one.contact_m, other.contact_m, atol=1e-6, equal_nan=True)
 
 
-def test_a_search_begins_from_the_scan_before_where_that_explains_more(posterior):
-    held = np.array([[0.02, 0.02, 2.0], [0.06, 0.04, 3.0]])
-    both = posterior.table.change(held[None, :, :2], held[None, :, 2])[0]
-    overlooked, lifted = np.full((2, 4, 3), np.nan)
-    overlooked[0], lifted[0] = held[0], held[1]
-    np.testing.assert_array_equal(posterior.begun(both, overlooked, held)[:2], held)
-    one = posterior.table.change(held[None, 1:, :2], held[None, 1:, 2])[0]
-    np.testing.assert_array_equal(posterior.begun(one, lifted, held), lifted)
-    np.testing.assert_array_equal(posterior.begun(both, overlooked, held[:0]), overlooked)
+def searches(monkeypatch):
+    """Counts how often contacts are searched for."""
+    begun, run = [], Search.run
+    monkeypatch.setattr(Search, "run", lambda self, proposed: (begun.append(len(proposed)), run(self, proposed))[1])
+    return begun
+
+
+def test_contacts_that_stay_are_not_searched_for_again(posterior, monkeypatch):
+    begun, rng, nothing = searches(monkeypatch), np.random.default_rng(3), np.empty((0, 3))
+    place, force = np.array([[0.03, 0.02], [0.06, 0.04]]), np.array([2.0, 3.0])
+    # What no contacts explain: as good as it gets is poor, scan after scan.
+    strange = 4.0 * rng.standard_normal(42)
+    held = None
+    for step in range(10):
+        reading = response(place, (1.0 + 0.02 * step) * force).sum(axis=0) + strange + rng.standard_normal(42)
+        found, held = posterior.followed(reading, nothing, held)
+        assert found.misfit[0] > 2.0
+    assert len(begun) == 1
+
+
+def test_contacts_followed_are_those_of_a_search_afresh(posterior):
+    """One finger, a second beside it, the first lifted, another place at once, a light touch more, all let go."""
+    one, two, third = [0.02, 0.02, 2.0], [0.06, 0.04, 3.0], [0.035, 0.05, 0.4]
+    touches = [[one], [one], [one, two], [one, two], [two], [third, one], [third, one, two], [one, two], []]
+    rng, held, nothing = np.random.default_rng(4), None, np.empty((0, 3))
+    for touch in touches:
+        contacts = np.array(touch).reshape(-1, 3)
+        for _ in range(5):
+            reading = response(contacts[:, :2], contacts[:, 2]).sum(axis=0) + rng.standard_normal(42)
+            afresh, (found, held) = posterior.of(reading[None]), posterior.followed(reading, nothing, held)
+            known, other = np.isfinite(found.force_n[0]), np.isfinite(afresh.force_n[0])
+            assert known.sum() == other.sum() == len(touch)
+            assert (held is None) == (not touch)
+            for place, force, covariance in zip(
+                found.contact_m[0, known], found.force_n[0, known], found.covariance[0, known], strict=True
+            ):
+                near = np.linalg.norm(afresh.contact_m[0, other] - place, axis=1).argmin()
+                error = np.r_[place - afresh.contact_m[0, near], force - afresh.force_n[0, near]]
+                assert np.all(np.abs(error) < 0.1 * np.sqrt(np.diagonal(covariance)))
+            np.testing.assert_allclose(found.count_probability, afresh.count_probability, atol=0.05)
 
 
 def test_a_response_is_the_same_on_more_forces() -> None:
