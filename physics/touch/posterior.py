@@ -49,7 +49,8 @@ class Fit:
 
     ``misfit`` and its ``curvature`` (3C,3C) by x, y and log force; ``logarithm`` of the covariance's determinant, the
     noise's ``variance``. ``rows`` (6C+1,D): possible errors, slopes and, last, what is left of the reading.
-    ``added`` (D,): what contacts ``known`` (C,3), which are near these, add together.
+    ``added`` (D,): what contacts ``known`` (C,3), which are near these, add together. ``settled``: whether no further
+    step would gain anything.
     """
 
     touch: Array
@@ -60,6 +61,7 @@ class Fit:
     rows: Array
     known: Array
     added: Array
+    settled: bool
 
     @property
     def left(self) -> Array:
@@ -82,11 +84,15 @@ def fitted(
 
 
 def refined(reading: Array, start: Array, model: tuple[Any, ...]) -> Fit:
-    """``fitted``, first as if the response erred by ``COARSE``, which smooths the misfit, then as it is."""
-    spline, cells, spread, remainder, low, high = model
-    smoothed = spline, cells, COARSE_SPREAD * spread, max(COARSE, remainder), low, high
-    near = fitted(reading, start, smoothed)
+    """``fitted``, first as if the response erred by ``COARSE``, then as it is."""
+    near = roughly(reading, start, model)
     return fitted(reading, near.touch, model, near)
+
+
+def roughly(reading: Array, start: Array, model: tuple[Any, ...]) -> Fit:
+    """``fitted`` as if the response erred by ``COARSE``, which smooths the misfit."""
+    spline, cells, spread, remainder, low, high = model
+    return fitted(reading, start, (spline, cells, COARSE_SPREAD * spread, max(COARSE, remainder), low, high))
 
 
 # Numba compiles a function again with each one that calls it: what has a single caller is written into that one.
@@ -119,7 +125,7 @@ def descended(reading, start, known, added, steps, spline, cells, spread, remain
                 for k in range(3):
                     tried[c, k] = touch[c, k]
         elif settled or damping > 1e6 or steps == 0:
-            return touch, misfit, logarithm, variance, curvature, rows, known, added
+            return touch, misfit, logarithm, variance, curvature, rows, known, added, settled or damping > 1e6
         else:
             promised = _stepped(touch, gradient, curvature, damping, low, high, tried)
             steps -= 1

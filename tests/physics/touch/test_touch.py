@@ -121,6 +121,17 @@ def test_contacts_are_found_counted_and_as_sure_as_stated(posterior, count):
     assert 0.75 * shown <= inside
 
 
+def test_a_contact_that_is_not_proposed_is_found(posterior):
+    rng = np.random.default_rng(11)
+    for _ in range(20):
+        place, force = drawn(rng, 3)
+        reading = response(place, force).sum(axis=0) + rng.standard_normal(42)
+        proposed = np.column_stack([place + rng.normal(0.0, 2e-3, place.shape), force])
+        found = posterior.of(reading[None], proposed[None, :2])
+        np.testing.assert_allclose(np.sort(found.force_n[0, :3]), np.sort(force), atol=0.3)
+        assert np.isnan(found.force_n[0, 3])
+
+
 def test_nothing_is_found_in_noise_and_a_strange_reading_shows(posterior):
     rng = np.random.default_rng(9)
     quiet = posterior.of(rng.standard_normal((50, 42)))
