@@ -352,6 +352,8 @@ class Search:
                 other = self._extended(alone, 2 * STARTS)
                 if self._cost(other) < self._cost(best) - 1.0:
                     best, better = other, True
+                    if best.misfit < self.enough and self._possible(best.touch):
+                        return best
             if not better:
                 break
         return best
