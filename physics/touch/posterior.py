@@ -85,21 +85,22 @@ def fitted(
 
 def refined(reading: Array, start: Array, model: tuple[Any, ...]) -> Fit:
     """``fitted``, first as if the response erred by ``COARSE``, then as it is."""
-    near = roughly(reading, start, model)
-    return fitted(reading, near.touch, model, near)
+    return fitted(reading, roughly(reading, start, model).touch, model)
 
 
 def roughly(reading: Array, start: Array, model: tuple[Any, ...]) -> Fit:
-    """``fitted`` as if the response erred by ``COARSE``, which smooths the misfit."""
+    """``fitted`` as if the response erred by ``COARSE``, which smooths the misfit; what contacts add together is less
+    than that, and left out."""
     spline, cells, spread, remainder, low, high = model
-    return fitted(reading, start, (spline, cells, COARSE_SPREAD * spread, max(COARSE, remainder), low, high))
+    smoothed = spline, cells, COARSE_SPREAD * spread, max(COARSE, remainder), low, high
+    return Fit(*descended(reading, start, np.empty((0, 3)), np.zeros_like(reading), STEPS, *smoothed))
 
 
 # Numba compiles a function again with each one that calls it: what has a single caller is written into that one.
 @njit(cache=True, nogil=True, error_model="numpy")
 def descended(reading, start, known, added, steps, spline, cells, spread, remainder, low, high):  # type: ignore[no-untyped-def]
-    """The numbers of ``fitted``."""
-    touch, tried, several = start.copy(), start.copy(), len(start) > 1
+    """The numbers of ``fitted``; with none ``known`` what they add together stays ``added``."""
+    touch, tried, several = start.copy(), start.copy(), len(known) > 1
     rows = np.empty((2 * NUISANCES * len(start) + 1, len(reading)))
     spare, products = np.empty_like(rows), np.empty((len(rows), len(rows)))
     gradient, curvature = np.empty(3 * len(start)), np.empty((3 * len(start), 3 * len(start)))
