@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from ertskin.diagnosis.contract.claims import Diagnosis, HeldOut
 from ertskin.diagnosis.criteria import DEFAULT, Criteria
 from ertskin.diagnosis.design.doubtful_claim import settling_press
+from ertskin.diagnosis.fit.full_solution_check import Problem, exact, settled
 from ertskin.diagnosis.fit.joint_fit import Solved, Term, VoltageProblem
 from ertskin.diagnosis.judge.answer import answered
 from ertskin.diagnosis.judge.held_out import Predictions, predictions, ratio
@@ -22,7 +23,7 @@ from ertskin.diagnosis.judge.undetermined_field import ratio_with_what_is_unknow
 from ertskin.diagnosis.linear.calibration_vector import SHAPE, Calibration, SkinFamily
 from ertskin.diagnosis.linear.linear_skin import LinearSkin
 from ertskin.diagnosis.recording.evidence import CannotTell, Evidence, gather
-from ertskin.diagnosis.recording.split import all_of_few, fitted_and_held
+from ertskin.diagnosis.recording.split import FEW, MANY, all_fitted, fitted_and_held
 from ertskin.diagnosis.rest.baseline import Baseline, calibrated
 from ertskin.diagnosis.search.foretold import that_foretells
 from ertskin.diagnosis.search.form_error import form_error
@@ -91,13 +92,39 @@ def _diagnose(
     report(0.92, "looking for the press that would settle what is in doubt")
     press = settling_press(evidence, skin, baseline.force_noise.rms_n, findings.diagnosis.claims)
     findings = replace(findings, diagnosis=replace(findings.diagnosis, next_press=press))
-    everything = all_of_few(evidence)
-    if everything is None or findings.diagnosis.verdict == "no_mismatch":
+    return _for_simulation(findings, evidence, baseline, family, selection, selector, report)
+
+
+def _for_simulation(
+    findings: Findings,
+    evidence: Evidence,
+    baseline: Baseline,
+    family: SkinFamily,
+    selection: Selection,
+    selector: Selector,
+    report: Report,
+) -> Findings:
+    """The findings, of which what is handed on is fitted to all presses where they are few, and chosen from all of
+    them where they are very few or have shown a field."""
+    everything, presses = all_fitted(evidence)
+    nothing = presses >= FEW and not selection.after.effects
+    if presses >= MANY or nothing or findings.diagnosis.verdict == "no_mismatch":
         return findings
     report(0.94, "fitting all presses, which are few, for what is handed on")
-    return _handing_on(
-        findings, lambda: _selected(evidence, baseline, family, everything, selector, lambda share, text: None)
-    )
+    # How far a field spreads is chosen, not fitted: of too few places it is chosen wrongly.
+    if presses < FEW or any(term.modes is not None for term in selection.after.terms):
+        return _handing_on(findings, lambda: _selected(evidence, baseline, family, everything, selector, _silent))
+    return _handing_on(findings, lambda: _fitted_to(everything, evidence, baseline, family, selection))
+
+
+def _fitted_to(
+    rows: Indices, evidence: Evidence, baseline: Baseline, family: SkinFamily, selection: Selection
+) -> Selection:
+    """The selection with its terms fitted to the frames ``rows``."""
+    linearised, specimen = _building(evidence, baseline, family, rows, _silent), selection.problem.specimen
+    there = settled(lambda solved: replace(linearised(solved), specimen=specimen), selection.after)
+    problem, after = exact(there.problem, there.solved)
+    return replace(selection, after=after, problem=problem)
 
 
 def _handing_on(findings: Findings, choose: Callable[[], Selection]) -> Findings:
@@ -127,14 +154,8 @@ def _selected(
     evidence: Evidence, baseline: Baseline, family: SkinFamily, fitted: Indices, selector: Selector, report: Report
 ) -> Selection:
     """The effects that the frames ``fitted`` show, beginning with those that other signals have named."""
-    nominal, start = baseline.skin, _start(baseline)
-
-    def build(solved: Solved | None) -> VoltageProblem:
-        calibration, effects = (start, nominal.effects) if solved is None else (solved.calibration, solved.effects)
-        skin = family.remeshed(calibration, effects)
-        return _problem(evidence, baseline, family, skin, baseline.force_n, fitted, report)
-
-    fixed = [Term(e, e.hypothesis.also_in_readings) for e in nominal.effects]
+    build, start = _building(evidence, baseline, family, fitted, report), _start(baseline)
+    fixed = [Term(e, e.hypothesis.also_in_readings) for e in baseline.skin.effects]
     begun = [(Term(f.effect, f.free), f.rivals) for f in baseline.specimen_findings]
     if baseline.displaced is not None:
         begun.append((Term(baseline.displaced, tuple(baseline.displaced.parameters())), ()))
@@ -142,12 +163,24 @@ def _selected(
     return that_foretells(selector(build, fixed, begun, start, partitions, report), partitions)
 
 
+def _building(evidence: Evidence, baseline: Baseline, family: SkinFamily, fitted: Indices, report: Report) -> Problem:
+    """What linearises the frames ``fitted`` about a fit, or about the start."""
+    nominal, start = baseline.skin, _start(baseline)
+
+    def build(solved: Solved | None) -> VoltageProblem:
+        calibration, effects = (start, nominal.effects) if solved is None else (solved.calibration, solved.effects)
+        skin = family.remeshed(calibration, effects)
+        return _problem(evidence, baseline, family, skin, baseline.force_n, fitted, report)
+
+    return build
+
+
 def _plain(evidence: Evidence, baseline: Baseline, family: SkinFamily, fitted: Indices, selection: Selection) -> Solved:
     """The simulator calibrated without any effect, forces from a linear pad: what the diagnosis is to improve on."""
     if not selection.before.effects:
         return selection.before
     skin = family.remeshed(_start(baseline), ())
-    problem = _problem(evidence, baseline, family, skin, baseline.plain_force_n, fitted, lambda share, text: None)
+    problem = _problem(evidence, baseline, family, skin, baseline.plain_force_n, fitted, _silent)
     return problem.solve((), _start(baseline))
 
 
@@ -161,7 +194,7 @@ def _known_ratio(
     if error.sizes is None and all(term.modes is None for term in after.terms):
         return None
     skin = family.remeshed(after.calibration, after.effects)
-    problem = _problem(evidence, baseline, family, skin, baseline.force_n, found.held, lambda share, text: None)
+    problem = _problem(evidence, baseline, family, skin, baseline.force_n, found.held, _silent)
     left = found.after - error.expected(problem, after) * problem.evidence.told_more[:, None]
     return ratio_with_what_is_unknown(problem, after, left)
 
@@ -216,3 +249,7 @@ def _presses_that_differ(selection: Selection, skin: Skin) -> Repeatability | No
     place_m, load_n = history.contact_m[rows, 0], np.nansum(linear.force_n[linear.wanted[rows]], axis=1)
     found = repeatability(residual[rows], scans, skin, linear.force_n, history.press[rows], place_m, load_n)
     return found if found.matters(evidence.criteria) else None
+
+
+def _silent(share: float | None, text: str) -> None:
+    """Reports nothing."""

@@ -73,12 +73,13 @@ def test_the_calibration_fitted_with_the_effects_is_the_one_that_is_simulated_wi
 
 
 @pytest.mark.timeout(300)
-def test_of_few_presses_what_all_of_them_show_is_handed_on(tmp_path: Path) -> None:
+@pytest.mark.parametrize("every", [2, 1], ids=["chosen from all", "fitted to all"])
+def test_of_few_presses_what_all_of_them_show_is_handed_on(tmp_path: Path, every: int) -> None:
     path = tmp_path / "hidden.h5"
     write_bench(path, "quick", {"piezo_hysteresis": 1.0}, seed=6, resolution=FAST)
     whole = read_recording(path)
     assert whole.frames is not None
-    few = presses_of(whole, made_presses(whole.frames)[::2].tolist())
+    few = presses_of(whole, made_presses(whole.frames)[::every].tolist())
     found = diagnose_any(few, path.name, lambda share, text: None, "fast")
     assert found.whole is not None
     assert found.selection is not None
@@ -88,6 +89,7 @@ def test_of_few_presses_what_all_of_them_show_is_handed_on(tmp_path: Path) -> No
     calibration = joint_calibration(found)
     assert calibration is not None
     np.testing.assert_array_equal(calibration.contact_resistance_ohm, found.whole.after.calibration.contact_ohm)
+    assert (found.whole.chosen is found.selection.chosen) == (every == 1)
     assert found.diagnosis.plain()["of_all_presses"] == [effect.name for effect in found.diagnosis.effects]
 
 

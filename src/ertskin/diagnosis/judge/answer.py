@@ -205,7 +205,7 @@ def _rules(case: Case) -> list[tuple[str, str, Callable[[list[Claim]], list[Clai
 
 def _against_rivals(claim: Claim) -> Claim:
     """The claim with what its confidence begins from."""
-    names = ", ".join(dict.fromkeys(rival.effect.name for rival in claim.rivals)) or "none"
+    names = ", ".join(dict.fromkeys(rival.effect.name.replace("_", " ") for rival in claim.rivals)) or "none"
     return replace(claim, reasons=(Reason("rivals", 1.0, claim.confidence, f"fitted in its stead: {names}"),))
 
 

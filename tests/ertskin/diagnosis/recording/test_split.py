@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from ertskin.diagnosis.recording.evidence import CannotTell
-from ertskin.diagnosis.recording.split import FEW, all_of_few, fitted_and_held
+from ertskin.diagnosis.recording.split import all_fitted, fitted_and_held
 from ertskin.physics.history import History
 
 PRESSES, FRAMES = 6, 5
@@ -55,8 +55,10 @@ def test_two_presses_leave_nothing_to_predict() -> None:
         fitted_and_held(evidence(2))
 
 
-def test_all_frames_of_few_presses_and_none_of_many() -> None:
-    few = all_of_few(evidence())
-    assert few is not None
-    np.testing.assert_array_equal(few, np.arange(PRESSES * FRAMES))
-    assert all_of_few(evidence(FEW)) is None
+def test_all_frames_that_can_be_fitted_and_their_presses() -> None:
+    rows, presses = all_fitted(evidence())
+    np.testing.assert_array_equal(rows, np.arange(PRESSES * FRAMES))
+    assert presses == PRESSES
+    lost = evidence()
+    lost.history.depth_m[lost.history.press == 2] = np.nan
+    assert all_fitted(lost)[1] == PRESSES - 1
