@@ -230,8 +230,13 @@ class Search:
             return
         fit, near = self._begun(proposed)
         if fit is not None and near is not None:
-            self._weighed(fit)
-            fit = self._extended(near, STARTS)
+            more = self._extended(near, STARTS)
+            if more.misfit <= self.enough:
+                self._weighed(fit)
+                fit = more
+            else:
+                # Something else is wrong, and what the proposed ones come to is to be weighed first.
+                fit, _ = self._begun(proposed, surely=False)
         while True:
             if fit is not None:
                 poor = fit.misfit > self.enough or not self._possible(fit.touch)
@@ -248,9 +253,9 @@ class Search:
         if self.fit is None and self.square >= SATISFIED:
             self._lightest()
 
-    def _begun(self, proposed: Array) -> tuple[Fit | None, Fit | None]:
+    def _begun(self, proposed: Array, surely: bool = True) -> tuple[Fit | None, Fit | None]:
         """The proposed contacts fitted together, the weakest left out for as long as they can't all be; and, where one
-        more is there for certain, as they are to be fitted with it."""
+        more is there ``surely`` by the smoothed misfit, as they are to be fitted with it."""
         now = proposed
         while len(now):
             fit = fitted(self.reading, now, self.model, steps=FIRST_STEPS)
@@ -259,7 +264,7 @@ class Search:
             if fit.misfit > self.enough:
                 near = roughly(self.reading, now, self.model)
                 lacking = near.misfit > LACKING * len(self.reading) and len(now) < len(self.logs) - 1
-                if lacking and self._possible(fit.touch) and self._possible(near.touch):
+                if surely and lacking and self._possible(fit.touch) and self._possible(near.touch):
                     return fit, near
                 fit = fitted(self.reading, near.touch, self.model)
             if self._possible(fit.touch):

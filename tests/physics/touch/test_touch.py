@@ -12,6 +12,7 @@ from toy_skin import EXTENT_M, response, toy_table
 
 from ertskin.physics.conduction.sheet import SheetModel
 from ertskin.physics.sensor import Sensor
+from ertskin.physics.touch import search
 from ertskin.physics.touch.interplay import Interplay, pair_change
 from ertskin.physics.touch.posterior import descended
 from ertskin.physics.touch.search import Search, TouchPosterior
@@ -218,3 +219,21 @@ def test_a_response_is_the_same_on_more_forces() -> None:
     np.testing.assert_allclose(finer.alone(place, force), table.alone(place, force), rtol=0.02)
     at_nodes = np.full(2, table.grid.force_n[1])
     np.testing.assert_allclose(finer.alone(place, at_nodes), table.alone(place, at_nodes), rtol=1e-5)
+
+
+def test_a_contact_added_at_once_that_explains_too_little_is_weighed_against_those_proposed(monkeypatch) -> None:
+    """What is wrong may be something else: a reading that no contacts explain has as many as without the short way."""
+    posterior = TouchPosterior(toy_table(), np.zeros(3), 0.0, np.zeros(3), 0.1)
+    for seed in range(8, 16):
+        rng = np.random.default_rng(seed)
+        place, force = rng.uniform(EXTENT_M[0] + 0.01, EXTENT_M[1] - 0.01, (1, 2)), rng.uniform(0.3, 4.0, 1)
+        clean = response(place, force)
+        foreign = rng.standard_normal(clean.shape)
+        foreign *= 1.6 * np.sqrt(foreign.size) / np.linalg.norm(foreign)
+        reading = clean + foreign + 0.3 * rng.standard_normal(clean.shape)
+        proposed = np.append(place + rng.normal(0.0, 2e-3, 2), 1.2 * force)[None, None]
+        found = []
+        for lacking in (0.0, np.inf):
+            monkeypatch.setattr(search, "LACKING", lacking)
+            found.append(posterior.of(reading, proposed))
+        np.testing.assert_array_equal(np.isfinite(found[0].force_n), np.isfinite(found[1].force_n))
