@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations, islice
 from typing import Any
 
@@ -119,14 +119,17 @@ class TouchPosterior:
         there is nothing new to be found, and nothing is searched for.
         """
         search = self._search(np.ascontiguousarray(reading, dtype=float))
-        same = held is not None and search.goes_on(held)
+        offered = _finite(proposed)
+        same = held is not None and search.goes_on(held, len(offered))
         if not same:
-            search.run(_finite(proposed))
+            search.run(offered)
         beliefs = self._believed([search])
         if search.fit is None:
             return beliefs, None
-        left = held.left if same and held is not None else search.fit.left
-        return beliefs, Held(search.fit, left, search.logs - search.logs[len(search.fit.touch)])
+        logs = search.logs - search.logs[len(search.fit.touch)]
+        if same and held is not None:
+            return beliefs, replace(held, fit=search.fit, logs=logs)
+        return beliefs, Held(search.fit, search.fit.left, search.fit.misfit, len(offered), logs)
 
     def _search(self, reading: Array) -> Search:
         return Search(reading, self._model, self._scan, self.most, self.exchanges)  # type: ignore[attr-defined]
@@ -155,11 +158,14 @@ def _finite(contacts: Array) -> Array:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Held:
-    """Contacts of a reading, kept for the next: their ``fit``; ``left`` (D,) of the reading last searched through, when
-    these contacts, moved since, were the most probable; ``logs`` (C+1,): log evidences less theirs."""
+    """Contacts of a reading, kept for the next: their ``fit``; ``left`` (D,) and ``misfit`` of the reading last
+    searched through, when these contacts, moved since, were the most probable and so many ``proposed``; ``logs``
+    (C+1,): log evidences less theirs."""
 
     fit: Fit
     left: Array
+    misfit: float
+    proposed: int
     logs: Array
 
 
@@ -208,16 +214,19 @@ class Search:
         whole = float(reading @ reading)
         self.logs[0], self.square = -0.5 * whole, whole / len(reading)
 
-    def goes_on(self, held: Held) -> bool:
-        """Whether the contacts held explain this reading as they did the one they were found in; they are the answer
-        then, or one less."""
+    def goes_on(self, held: Held, proposed: int) -> bool:
+        """Whether the contacts held explain this reading as they did the one they were found in, and where that is
+        poorly, as many are ``proposed`` still; they are the answer then, or one less."""
         fit = fitted(self.reading, held.fit.touch, self.model, held.fit, steps=HELD_STEPS)
         changed = fit.left - held.left
         if not changed @ changed <= 2.0 * self.enough or not self._possible(fit.touch):
             return False
+        if fit.misfit > self.enough and (held.misfit <= self.enough or proposed != held.proposed):
+            return False
         more = len(fit.touch) + 1
         self._weighed(fit)
         if self.fit is None:
+            self.logs[1:] = -np.inf
             return False
         self.logs[more:] = held.logs[more:] + self.logs[more - 1]
         while self._one_less():
@@ -229,14 +238,11 @@ class Search:
         if not np.isfinite(self.square):
             return
         fit, near = self._begun(proposed)
-        if fit is not None and near is not None:
+        if near is not None:
             more = self._extended(near, STARTS)
-            if more.misfit <= self.enough:
-                self._weighed(fit)
-                fit = more
-            else:
-                # Something else is wrong, and what the proposed ones come to is to be weighed first.
-                fit, _ = self._begun(proposed, surely=False)
+            # Where that explains too little something else is wrong, and those proposed are to be weighed first.
+            explained = more.misfit <= self.enough and self._possible(more.touch)
+            fit = more if explained else self._begun(proposed, surely=False)[0]
         while True:
             if fit is not None:
                 poor = fit.misfit > self.enough or not self._possible(fit.touch)

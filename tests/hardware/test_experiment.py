@@ -104,6 +104,24 @@ def test_who_guards_knows_when_a_block_or_specimen_of_another_height_is_pressed(
     bench.close()
 
 
+def test_a_block_pressed_too_hard_is_left_upwards_and_the_skins_surface_known_again() -> None:
+    bench = bench_of(block_stiffness_n_per_m=9e3)
+    x, y, z = bench.fields["geometry"]["origin_m"]
+    bench.fields["geometry"]["origin_m"] = (x, y, z - 20e-3)
+    bench.fields["limits"]["force_n"] = 1.0
+    lowered: list[bool] = []
+    indenter = Indenter(bench.open())
+    indenter.rig.tell_lowered = lowered.append
+    indenter.ready()
+    indenter.zero()
+    with pytest.raises(LimitExceeded, match="beyond 1 N"):
+        press_rigid_block(indenter)
+    assert lowered[-1] is False
+    assert deepest_m(bench) < -5e-3
+    assert indenter.surface_z_m == pytest.approx(z - 20e-3)
+    bench.close()
+
+
 def test_weights_are_asked_for_and_kept_apart(tmp_path: Path) -> None:
     bench = bench_of()
     plan = two_point_test(bench.world.skin.sensor.taxel_m, [(0, 8), (1, 7)])

@@ -54,7 +54,7 @@ def run(config: DictConfig) -> None:
     planned(config.data.plan)
     criteria = checked(Criteria, config.criteria, "criteria")
     jobs = whole_number(config.jobs, "jobs", least=1)
-    _known_networks(config.with_effects)
+    _known_networks(config)
     files = _recordings(config)
     source = files["recording"]
     assert source is not None
@@ -76,13 +76,19 @@ def run(config: DictConfig) -> None:
     print(f"\ndone in {time.monotonic() - begun:.0f} s; compare the runs with: ertskin dashboard")
 
 
-def _known_networks(names: Sequence[str]) -> None:
-    """Raises ``UserError`` for a name that is no choice of ``model``."""
+def _known_networks(config: DictConfig) -> None:
+    """Raises ``UserError`` where the networks asked for are no list of choices of ``model``."""
+    from omegaconf import ListConfig
+
     from ertskin.configuration import config_dir
 
     known = sorted(path.stem for path in (config_dir() / "model").glob("*.yaml"))
-    if wrong := [str(name) for name in names if name not in known]:
-        raise UserError(f"with_effects: no network {wrong[0]!r}; there are {', '.join(known)}")
+    asked = {"models": config.models, "between.models": config.between.models, "with_effects": config.with_effects}
+    for setting, names in asked.items():
+        if not isinstance(names, ListConfig):
+            raise UserError(f"{setting} must be a list, as [contacts,paper] or [], not {names!r}")
+        if wrong := [str(name) for name in names if name not in known]:
+            raise UserError(f"{setting}: no network {wrong[0]!r}; there are {', '.join(known)}")
 
 
 def _trained(config: DictConfig, source: Path, criteria: Criteria, settings: list[str], jobs: int) -> Found:

@@ -73,8 +73,10 @@ class TouchModel:
         error = np.column_stack([said.contact_m[:, 0], said.force_n[:, 0]]) - real
         solved = np.linalg.solve(said.covariance[found, 0], error[found, :, None])[..., 0]
         away = (error[found] * solved).sum(axis=1)
-        share = share_to_hold(len(np.unique(contact_m, axis=0)))
-        widening = float(np.quantile(away, share) / chi2.ppf(STATED, 3)) if found.any() else 1.0
+        if not found.any():
+            return self
+        share = share_to_hold(len(np.unique(contact_m[found], axis=0)))
+        widening = float(np.quantile(away, share) / chi2.ppf(STATED, 3))
         return replace(self, error=replace(self.error, widening=max(1.0, self.error.widening * widening)))
 
 

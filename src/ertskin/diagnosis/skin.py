@@ -107,7 +107,7 @@ def _for_simulation(
     """The findings, of which what is handed on is fitted to all presses where they are few, and chosen from all of
     them where they are very few or have shown a field."""
     everything, presses = all_fitted(evidence)
-    nothing = presses >= FEW and not selection.after.effects
+    nothing = presses >= FEW and (findings.diagnosis.spoilt or not selection.after.effects)
     if presses >= MANY or nothing or findings.diagnosis.verdict == "no_mismatch":
         return findings
     report(0.94, "fitting all presses, which are few, for what is handed on")
@@ -130,13 +130,13 @@ def _fitted_to(
 def _handing_on(findings: Findings, choose: Callable[[], Selection]) -> Findings:
     """The findings, of which effects and calibration of a fit to all presses, as ``choose`` makes it, are handed on.
 
-    Claims stay those judged by presses held out; here each cell has been predicted by the others.
+    Claims stay those judged by presses held out.
     """
     diagnosis = findings.diagnosis
     try:
         whole = choose()
     except (MeshError, np.linalg.LinAlgError):
-        said = "all presses can't be fitted together: handed on is what those not held out show"
+        said = "all presses can't be fitted together: what is handed on comes from those not held out"
         return replace(findings, diagnosis=_saying(diagnosis, said))
     limits = tuple(c.effect for c in diagnosis.claims if c.effect.hypothesis.measured == Measured.READING_LIMIT)
     effects = (*whole.after.effects, *limits)

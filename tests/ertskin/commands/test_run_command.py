@@ -16,6 +16,7 @@ from ertskin.data.shards import file_sha256
 from ertskin.diagnosis.contract.claims import Claim, Diagnosis, Estimate, HeldOut
 from ertskin.diagnosis.criteria import DEFAULT, Criteria
 from ertskin.diagnosis.output.diagnosis_file import write_diagnosis, write_effects
+from ertskin.errors import UserError
 from ertskin.physics.effects.sheet_inhomogeneity import SheetInhomogeneity
 
 pytestmark = pytest.mark.long
@@ -209,11 +210,21 @@ def test_what_was_found_is_for_the_networks_asked_for(tmp_path, monkeypatch):
     ]
 
 
-def test_a_network_that_there_is_not_is_said_at_once(tmp_path):
-    failed = ertskin("run", "with_effects=[contcts]", folder=tmp_path)
-    assert failed.returncode == 2
-    known = "there are contacts, paper, places, reciprocal"
-    assert failed.stderr == f"ertskin: with_effects: no network 'contcts'; {known}\n"
+@pytest.mark.parametrize(
+    ("word", "said"),
+    [
+        ("with_effects=[contcts]", "with_effects: no network 'contcts'; there are contacts, paper, places, reciprocal"),
+        ("with_effects=contacts", "with_effects must be a list, as [contacts,paper] or [], not 'contacts'"),
+        ("models=null", "models must be a list, as [contacts,paper] or [], not None"),
+        ("between.models=[conacts]", "between.models: no network 'conacts'"),
+    ],
+)
+def test_networks_that_there_are_not_are_said_at_once(word, said):
+    with initialize_config_dir(str(config_dir()), version_base="1.3"):
+        config = compose("run", [word])
+    with pytest.raises(UserError) as refused:
+        run._known_networks(config)
+    assert str(refused.value).startswith(said)
 
 
 def test_a_recording_that_is_none_gets_one_line(tmp_path):

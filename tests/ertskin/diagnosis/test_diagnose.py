@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -103,8 +104,34 @@ def test_few_presses_that_can_not_be_fitted_together_hand_on_what_was_claimed() 
     assert found.whole is None
     assert found.diagnosis.of_all_presses is None
     assert found.diagnosis.reason == (
-        "something; all presses can't be fitted together: handed on is what those not held out show"
+        "something; all presses can't be fitted together: what is handed on comes from those not held out"
     )
+
+
+@pytest.mark.parametrize(
+    ("presses", "effects", "field", "spoilt", "way"),
+    [
+        (11, 1, False, False, "chosen"),
+        (11, 0, False, True, "chosen"),
+        (12, 1, False, False, "fitted"),
+        (12, 1, True, False, "chosen"),
+        (12, 0, False, False, "as found"),
+        (12, 1, False, True, "as found"),
+        (24, 1, True, False, "as found"),
+    ],
+)
+def test_what_is_handed_on_is_chosen_or_fitted_by_how_many_presses_there_are(
+    monkeypatch, presses: int, effects: int, field: bool, spoilt: bool, way: str
+) -> None:
+    monkeypatch.setattr(skin, "all_fitted", lambda evidence: (np.arange(3), presses))
+    monkeypatch.setattr(skin, "_selected", lambda *_: "chosen")
+    monkeypatch.setattr(skin, "_fitted_to", lambda *_: "fitted")
+    monkeypatch.setattr(skin, "_handing_on", lambda findings, choose: choose())
+    found = Findings(Diagnosis("some.h5", "explained", HeldOut("split", 1e-3, 3.0, 1.0, 0.0), spoilt=spoilt))
+    terms = [SimpleNamespace(modes=np.eye(2) if field else None)]
+    selection = SimpleNamespace(after=SimpleNamespace(effects=("one",) * effects, terms=terms))
+    handed = skin._for_simulation(found, None, None, None, selection, None, lambda share, text: None)  # type: ignore[arg-type]
+    assert (handed if isinstance(handed, str) else "as found") == way
 
 
 def named_and_predicting(found: Diagnosis, name: str) -> None:

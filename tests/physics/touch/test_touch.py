@@ -211,6 +211,32 @@ def test_contacts_followed_are_those_of_a_search_afresh(posterior):
             np.testing.assert_allclose(found.count_probability, afresh.count_probability, atol=0.05)
 
 
+@pytest.mark.parametrize("light_n", [0.08, 0.1])
+def test_a_light_touch_beside_one_that_stays_is_found_as_often_as_afresh(light_n):
+    posterior = TouchPosterior(toy_table(), np.zeros(3), 0.0, np.zeros(3), 0.05)
+    nothing, counts = np.empty((0, 3)), []
+    for seed in range(40):
+        rng = np.random.default_rng(seed)
+        one = response(np.array([[0.02, 0.02]]), np.array([3.0]))[0]
+        _, held = posterior.followed(one + rng.standard_normal(42), nothing)
+        reading = one + response(np.array([[0.055, 0.045]]), np.array([light_n]))[0] + rng.standard_normal(42)
+        found, _ = posterior.followed(reading, nothing, held)
+        counts.append([np.isfinite(each.force_n).sum() for each in (found, posterior.of(reading[None]))])
+    followed, afresh = np.array(counts).T
+    assert np.mean(followed == afresh) >= 0.95
+    assert np.mean(afresh == 2) > 0.9
+
+
+def test_contacts_that_explain_little_are_searched_for_again_once_others_are_proposed(posterior, monkeypatch):
+    begun, rng = searches(monkeypatch), np.random.default_rng(3)
+    one, two = np.array([[0.03, 0.02, 2.0]]), np.array([[0.03, 0.02, 2.0], [0.06, 0.04, 3.0]])
+    reading = response(two[:, :2], two[:, 2]).sum(axis=0) + 4.0 * rng.standard_normal(42)
+    held = None
+    for proposed in (one, one, two, two):
+        _, held = posterior.followed(reading + 0.3 * rng.standard_normal(42), proposed, held)
+    assert begun == [1, 2]
+
+
 def test_a_response_is_the_same_on_more_forces() -> None:
     table = toy_table()
     place, force = np.array([[0.03, 0.04], [0.05, 0.02]]), np.array([0.7, 3.3])

@@ -19,8 +19,8 @@ FEW = 12
 """Presses below which what is handed on is chosen from all of them: with six on `rig_a` the four fitted showed neither
 the sensitive corner nor the fabric's hysteresis, all six both."""
 MANY = 24
-"""Presses from which a third may be held out of what is handed on: of twelve on `rig_a` the eight fitted named the
-right effects, but with a corner half as wide again and a field of 14 % where there is none: forces 0.21 N wrong."""
+"""Presses from which on a third of them is left out of what is handed on: of twelve on `rig_a` the eight fitted named
+the right effects, but with a corner half as wide again and a field of 14 % where there is none; forces 0.21 N wrong."""
 
 
 def fitted_and_held(evidence: Evidence) -> tuple[Indices, Indices]:
