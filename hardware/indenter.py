@@ -145,9 +145,8 @@ class Indenter:
         skin_m, speed_m_s = self.surface_z_m, self.rig.limits.travel_speed_m_s
         try:
             self.lift()
-            high_m = self.travel_z_m
-            self.surface_z_m = z_m
-            high_m = max(high_m, self.travel_z_m)
+            over_skin_m, self.surface_z_m = self.travel_z_m, z_m
+            high_m = max(over_skin_m, self.travel_z_m)
             self.go(x_m, y_m, max(high_m, float(self.rig.stage.position_m()[2])), speed_m_s)
             yield
             self.go(x_m, y_m, high_m, speed_m_s)

@@ -77,7 +77,8 @@ def run(config: DictConfig) -> None:
 
 
 def _known_networks(config: DictConfig) -> None:
-    """Raises ``UserError`` where the networks asked for are no list of choices of ``model``."""
+    """Raises ``UserError`` where the networks asked for are no list of choices of ``model``, or effects are asked for
+    in one that isn't trained."""
     from omegaconf import ListConfig
 
     from ertskin.configuration import config_dir
@@ -89,6 +90,9 @@ def _known_networks(config: DictConfig) -> None:
             raise UserError(f"{setting} must be a list, as [contacts,paper] or [], not {names!r}")
         if wrong := [str(name) for name in names if name not in known]:
             raise UserError(f"{setting}: no network {wrong[0]!r}; there are {', '.join(known)}")
+    trained = (*config.models, *config.between.models)
+    if untrained := [name for name in config.with_effects if name not in trained]:
+        raise UserError(f"with_effects: {untrained[0]} isn't trained: name it in models= or between.models= too")
 
 
 def _trained(config: DictConfig, source: Path, criteria: Criteria, settings: list[str], jobs: int) -> Found:

@@ -139,7 +139,10 @@ def _handing_on(findings: Findings, choose: Callable[[], Selection]) -> Findings
         said = "all presses can't be fitted together: what is handed on comes from those not held out"
         return replace(findings, diagnosis=_saying(diagnosis, said))
     limits = tuple(c.effect for c in diagnosis.claims if c.effect.hypothesis.measured == Measured.READING_LIMIT)
-    effects = (*whole.after.effects, *limits)
+    # Fitted again are also terms too unsure to be claimed; chosen again, what is there stands by itself.
+    chosen = findings.selection is None or whole.chosen is not findings.selection.chosen
+    claimed = {claim.effect.name for claim in diagnosis.claims}
+    effects = (*(effect for effect in whole.after.effects if chosen or effect.name in claimed), *limits)
     names = ", ".join(dict.fromkeys(effect.name for effect in effects)) or "no effect"
     said = f"presses are few: handed on is what all of them show together ({names})"
     return replace(findings, whole=whole, diagnosis=replace(_saying(diagnosis, said), of_all_presses=effects))

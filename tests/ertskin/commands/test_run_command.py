@@ -217,6 +217,7 @@ def test_what_was_found_is_for_the_networks_asked_for(tmp_path, monkeypatch):
         ("with_effects=contacts", "with_effects must be a list, as [contacts,paper] or [], not 'contacts'"),
         ("models=null", "models must be a list, as [contacts,paper] or [], not None"),
         ("between.models=[conacts]", "between.models: no network 'conacts'"),
+        ("with_effects=[reciprocal]", "with_effects: reciprocal isn't trained: name it in models="),
     ],
 )
 def test_networks_that_there_are_not_are_said_at_once(word, said):
@@ -225,6 +226,13 @@ def test_networks_that_there_are_not_are_said_at_once(word, said):
     with pytest.raises(UserError) as refused:
         run._known_networks(config)
     assert str(refused.value).startswith(said)
+
+
+def test_without_networks_of_contacts_none_is_trained_with_effects():
+    with initialize_config_dir(str(config_dir()), version_base="1.3"):
+        config = compose("run", ["between.models=[]"])
+    run._known_networks(config)
+    assert config.with_effects == []
 
 
 def test_a_recording_that_is_none_gets_one_line(tmp_path):

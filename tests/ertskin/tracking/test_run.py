@@ -78,7 +78,6 @@ def test_a_data_set_that_another_process_logs_at_once_is_asked_for_again(setting
 BEGIN_AND_DIE = """
 import os, signal, sys
 from pathlib import Path
-from ertskin.tracking.datasets import DatasetInfo
 from ertskin.tracking.run import Run
 from ertskin.tracking.settings import TrackingSettings
 run = Run.begin(TrackingSettings(Path("runs/mlflow.db"), Path("runs/artifacts"), "test"), "killed", "name")
