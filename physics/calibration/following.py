@@ -103,6 +103,11 @@ class RestingSkin:
         rates[-1:] = self.sheet_rate
         return rates
 
+    @cached_property
+    def wandering(self) -> Array:
+        """(m,m) by how much the covariance of contacts and sheet grows in a second."""
+        return np.diag(self.rates**2)
+
     @property
     def jitters(self) -> Array:
         """(m,) relative change from scan to scan."""
@@ -130,7 +135,7 @@ class RestState:
         size[-1:] = FIRST_SHEET
         return cls(skin, time_s, np.zeros(len(size)), np.diag(size**2), np.zeros(len(skin.rest_v)), FIRST_WANDER**2)
 
-    @property
+    @cached_property
     def zero_v(self) -> Array:
         """(n,) what the untouched skin reads."""
         return np.asarray(self.skin.rest_v + self.skin.slope_v @ self.change + self.remainder_v)
@@ -150,7 +155,7 @@ class RestState:
     def at(self, time_s: float) -> RestState:
         """The same, as sure as it is when that much time has gone by."""
         gone = max(0.0, time_s - self.time_s)
-        covariance = self.covariance + np.diag(gone * self.skin.rates**2)
+        covariance = self.covariance + gone * self.skin.wandering
         variance = self.remainder_variance + gone * self.skin.wander**2
         return replace(self, time_s=time_s, covariance=covariance, remainder_variance=variance)
 
@@ -161,6 +166,13 @@ class RestState:
     def surprise(self, coordinates_v: Array) -> float:
         """Mean square of what a rest frame (n,) at this time shows against what is expected, about 1."""
         return self._square(coordinates_v)[0] / len(coordinates_v)
+
+    def unexplained(self, coordinates_v: Array) -> float:
+        """What neither contacts nor sheet explain of ``surprise``, which is never less: known at once, and of nearly
+        every touch far more than a resting skin shows."""
+        error = (coordinates_v - self.zero_v) / self.skin.noise_v
+        within = error @ self.skin.span
+        return float(error @ error - within @ within) / (1.0 + self.remainder_variance) / len(error)
 
     def likely(self, coordinates_v: Array) -> tuple[float, float]:
         """``surprise`` of a rest frame (n,) at this time, and its log likelihood."""

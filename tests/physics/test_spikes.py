@@ -67,3 +67,13 @@ def test_the_papers_scan_makes_up_for_a_whole_channel():
     voltage = clean.copy()
     voltage[0, :, 3] = np.nan
     assert completed(protocol, voltage) == pytest.approx(clean, abs=1e-9)
+
+
+@pytest.mark.parametrize("protocol", [Protocol.against_sink(electrode_pairs(10), 10, 1e-3), undriven(16)])
+def test_a_scan_is_reduced_as_by_its_whole_matrix(protocol):
+    rng = np.random.default_rng(8)
+    readings, reduction = rng.standard_normal(len(protocol.orthonormal)), ScanReduction(protocol, 1e-3)
+    readings[~protocol.taken.ravel()] = 0.0
+    coordinates = reduction.coordinates(readings)
+    np.testing.assert_allclose(coordinates, readings @ protocol.orthonormal, atol=1e-9)
+    np.testing.assert_allclose(reduction.readings(coordinates), protocol.orthonormal @ coordinates, atol=1e-9)

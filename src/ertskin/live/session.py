@@ -132,6 +132,8 @@ class Session:
         novelty, at_rest = watch.judged(seen, estimate)
         estimate, self._held = (self._nothing, None) if at_rest else (estimate, held)
         latency = time.perf_counter() - begin
+        if at_rest or held is not None:
+            self._predictor.rehearse(seen.coordinates_v)
         if not estimate.present.any():
             self._drift.append(float(np.sqrt(max(0.0, seen.surprise * watch.monitor.resting.limit - 1.0))))
         frame = self._frame(scan, estimate, latency)

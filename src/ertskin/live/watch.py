@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,19 +29,25 @@ class SeenScan:
 
     ``clean_v`` (R,): the readings since the zeroing, without spikes; ``offset_v`` (R,): what the resting skin's have
     moved by since. ``coordinates_v`` (n,) of the change against rest; ``as_read_v`` (n,) of the scan itself.
-    ``at_rest``: whether it is what a resting skin, followed so far, may read; ``surprise``: how far it is from that, 1
-    being the limit. ``unexplained``: mean square of what no resistor network could give. ``state``: of the resting skin
-    at its time.
+    ``unexplained``: mean square of what no resistor network could give. ``state``: of the resting skin at its time.
     """
 
     clean_v: Array
     offset_v: Array
     coordinates_v: Array
-    at_rest: bool
-    surprise: float
     unexplained: float
     state: RestState
     as_read_v: Array
+
+    @cached_property
+    def surprise(self) -> float:
+        """How far it is from what a resting skin, followed so far, reads, 1 being the limit."""
+        return self.state.surprise(self.as_read_v) / self.state.skin.limit
+
+    @cached_property
+    def at_rest(self) -> bool:
+        """Whether it is what a resting skin, followed so far, may read."""
+        return self.state.unexplained(self.as_read_v) <= self.state.skin.limit and self.surprise <= 1.0
 
     @property
     def change_v(self) -> NDArray[np.float32]:
@@ -81,14 +88,11 @@ class Watch:
         moved, clean, leftover = self._reduction.despiked(scan_v.ravel() - self._first_v)
         state = self._state.at(time_s)
         as_read = moved + self._first_coordinates_v
-        surprise = state.surprise(as_read) / self.monitor.resting.limit
         unexplained = unexplained_of(leftover[None], self.monitor.novelty.noise_v, self._reduction.spare, self._frames)
         return SeenScan(
             clean,
             self._offset_v,
             (as_read - state.zero_v) / state.gain,
-            surprise <= 1.0,
-            surprise,
             float(unexplained[0]),
             state,
             as_read,

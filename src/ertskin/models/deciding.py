@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ertskin.models.estimate import Estimate
-from ertskin.models.votes import counted, on_taxels
+from ertskin.models.votes import nearest_taxels, together
 from ertskin.physics.touch.interplay import Interplay
 from ertskin.physics.touch.search import Beliefs, TouchPosterior
 from ertskin.physics.touch.table import ResponseTable, TouchGrid
@@ -24,20 +24,17 @@ def proposals(weight: Array, force_n: Array, place_m: Array, spacing_m: float, t
     """(N,most,3) x, y and force of the places with the weightiest votes, NaN for none."""
     proposed = np.full((len(weight), most, 3), np.nan)
     for n, vote in enumerate(zip(weight, force_n, place_m, strict=True)):
-        places, forces = counted(*vote, radius_m=0.8 * spacing_m, threshold=threshold)
-        found = np.column_stack([places, forces])[:most]
+        found = together(*vote, 0.8 * spacing_m, threshold)[:most]
         proposed[n, : len(found)] = found
     return proposed
 
 
 def estimate_of(beliefs: Beliefs, taxel_m: Array) -> Estimate:
     """Beliefs as an estimate; the contacts' forces also on the taxels nearest to them."""
-    known = np.isfinite(beliefs.force_n)
-    found = [(beliefs.contact_m[n][known[n]], beliefs.force_n[n][known[n]]) for n in range(len(known))]
-    nearest = on_taxels(found, taxel_m)
+    force_map_n = nearest_taxels(beliefs.contact_m, beliefs.force_n, taxel_m)
     return Estimate(
-        nearest.force_map_n,
-        nearest.present,
+        force_map_n,
+        force_map_n > 0,
         beliefs.contact_m,
         beliefs.force_n,
         beliefs.covariance,

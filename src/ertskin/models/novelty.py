@@ -13,6 +13,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from ertskin.physics.calibration.following import FALSE_ALARMS
@@ -61,14 +62,14 @@ class Novelty:
         what no resistor network could give, in units of the noise (``unexplained_of``).
         """
         seen = change_v @ self.matrix
-        kept, frames = len(self.power), len(change_v)
-        signal, outside = seen[:, :kept] ** 2, seen[:, kept:] ** 2
-        within = (signal / self.power).mean(axis=1) if misfit is None else misfit
-        beside = np.zeros(frames)
+        kept, parts = len(self.power), np.zeros((len(change_v), PARTS))
+        signal, outside = _squares(seen, kept).T
+        parts[:, 0] = (seen[:, :kept] ** 2 / self.power).mean(axis=1) if misfit is None else misfit
         if kept < seen.shape[1]:
-            expected = outside.shape[1] + self.remainder**2 * signal.sum(axis=1)
-            beside = outside.sum(axis=1) / expected
-        return np.stack([within, beside, np.zeros(frames) if unexplained is None else unexplained], axis=1)
+            parts[:, 1] = outside / (seen.shape[1] - kept + self.remainder**2 * signal)
+        if unexplained is not None:
+            parts[:, 2] = unexplained
+        return parts
 
     def score(
         self, change_v: Array, misfit: Array | None, unexplained: Array | None, zero_variance: float | Array = 0.0
@@ -87,8 +88,31 @@ def unexplained_of(leftover_v: Array, noise_v: float, spare: int, rest_frames: i
     numbers they tell; ``rest_frames``: whose mean they count from. Nought where nothing is spare."""
     if spare <= 0:
         return np.zeros(len(leftover_v))
-    square = np.minimum((leftover_v / noise_v) ** 2 / (1.0 + 1.0 / rest_frames), SPIKE)
-    return np.asarray(square.sum(axis=1) / spare)
+    return np.asarray(_bent(leftover_v, noise_v**2 * (1.0 + 1.0 / rest_frames), SPIKE) / spare)
+
+
+@njit(cache=True, nogil=True, fastmath={"reassoc", "contract", "nsz"})
+def _squares(seen, kept):  # type: ignore[no-untyped-def]
+    """(N,2) sums of the squares of (N,n): of the first ``kept`` numbers, and of the others."""
+    sums = np.zeros((len(seen), 2))
+    for row in range(len(seen)):
+        for k in range(kept):
+            sums[row, 0] += seen[row, k] ** 2
+        for k in range(kept, seen.shape[1]):
+            sums[row, 1] += seen[row, k] ** 2
+    return sums
+
+
+@njit(cache=True, nogil=True, fastmath={"reassoc", "contract", "nsz"})
+def _bent(values, variance, most):  # type: ignore[no-untyped-def]
+    """(N,) sums of the squares of (N,R) values over ``variance``, each counted as no more than ``most``."""
+    sums = np.zeros(len(values))
+    for row in range(len(values)):
+        total = 0.0
+        for k in range(values.shape[1]):
+            total += min(values[row, k] ** 2 / variance, most)
+        sums[row] = total
+    return sums
 
 
 def tail_limit(scores: Array, rate: float) -> float:

@@ -23,21 +23,26 @@ def counted(weight: Array, force_n: Array, place_m: Array, *, radius_m: float, t
 
     Votes within ``radius_m`` of the weightiest one left are one contact: its place and force are their weighted means.
     """
-    found = _together(weight.astype(float), force_n.astype(float), place_m.astype(float), radius_m, threshold)
+    weights, forces, places = (np.ascontiguousarray(each, dtype=float) for each in (weight, force_n, place_m))
+    found = together(weights, forces, places, radius_m, threshold)
     return found[:, :2], found[:, 2]
 
 
 @njit(cache=True, nogil=True)
-def _together(weight, force_n, place_m, radius_m, threshold):  # type: ignore[no-untyped-def]
+def together(weight, force_n, place_m, radius_m, threshold):  # type: ignore[no-untyped-def]
     """(C,3) place and force of ``counted``."""
     found = np.empty((len(weight), 3))
     count, left = 0, weight.copy()
-    while len(left) and left.max() > 0.1 * threshold:
+    while len(left):
         first = left.argmax()
+        if left[first] <= 0.1 * threshold:
+            break
         total, sums = 0.0, np.zeros(3)
         for k in range(len(left)):
-            away = np.hypot(place_m[k, 0] - place_m[first, 0], place_m[k, 1] - place_m[first, 1])
-            if left[k] > 0.0 and away <= radius_m:
+            if left[k] <= 0.0:
+                continue
+            square = (place_m[k, 0] - place_m[first, 0]) ** 2 + (place_m[k, 1] - place_m[first, 1]) ** 2
+            if square <= radius_m**2:
                 total += left[k]
                 sums[0] += left[k] * place_m[k, 0]
                 sums[1] += left[k] * place_m[k, 1]
@@ -54,10 +59,24 @@ def on_taxels(found: list[tuple[Array, Array]], taxel_m: Array) -> Estimate:
     most = max((len(forces) for _, forces in found), default=0)
     contact_m = np.full((len(found), most, 2), np.nan)
     contact_force_n = np.full((len(found), most), np.nan)
-    force_map_n = np.zeros((len(found), len(taxel_m)))
     for frame, (places, forces) in enumerate(found):
         contact_m[frame, : len(forces)] = places
         contact_force_n[frame, : len(forces)] = forces
-        taxel = np.linalg.norm(places[:, None] - taxel_m, axis=-1).argmin(axis=1) if len(forces) else []
-        np.add.at(force_map_n[frame], taxel, forces)
+    force_map_n = nearest_taxels(contact_m, contact_force_n, taxel_m)
     return Estimate(force_map_n, force_map_n > 0, contact_m, contact_force_n)
+
+
+@njit(cache=True, nogil=True)
+def nearest_taxels(contact_m, force_n, taxel_m):  # type: ignore[no-untyped-def]
+    """(N,n) each contact's force on the taxel (n,2) nearest to it; contacts (N,C,2) with (N,C) newton, NaN for none."""
+    laid = np.zeros((len(force_n), len(taxel_m)))
+    for frame in range(len(force_n)):
+        for c in range(force_n.shape[1]):
+            if np.isfinite(force_n[frame, c]):
+                best, least = 0, np.inf
+                for k in range(len(taxel_m)):
+                    dx, dy = contact_m[frame, c, 0] - taxel_m[k, 0], contact_m[frame, c, 1] - taxel_m[k, 1]
+                    if dx * dx + dy * dy < least:
+                        best, least = k, dx * dx + dy * dy
+                laid[frame, best] += force_n[frame, c]
+    return laid

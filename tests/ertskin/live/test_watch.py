@@ -34,6 +34,10 @@ class Presses:
 
     def __init__(self) -> None:
         self.kind = Kind("touch", PROTOCOL.shape, np.array(TAXEL_M), 0.5, 0.0)
+        self.rehearsed = 0
+
+    def rehearse(self, coordinates_v: np.ndarray) -> None:
+        self.rehearsed += 1
 
     def estimate(self, change_v: np.ndarray) -> Estimate:
         force = np.zeros((len(change_v), 9))
@@ -88,6 +92,16 @@ def test_rest_is_told_from_touch_and_a_hold_stays_one() -> None:
     assert held[-1].contacts[0].force_n == pytest.approx(1.0, abs=0.05)
     assert not any(frame.left for frame in held)
     assert not watched.see(scan(700, np.zeros(3))).contacts
+
+
+def test_the_network_is_rehearsed_while_nothing_touches() -> None:
+    network = Presses()
+    watched = Session(network, 4, watch=watch())  # type: ignore[arg-type]
+    for k in range(10):
+        watched.see(scan(k, np.zeros(3)))
+    assert network.rehearsed == 6
+    watched.see(scan(10, np.zeros(3), 1.0))
+    assert network.rehearsed == 6
 
 
 def test_a_sheet_that_jumped_while_nobody_looked_is_no_touch() -> None:

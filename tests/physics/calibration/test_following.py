@@ -147,3 +147,12 @@ def test_nothing_known_of_contacts_still_follows_the_zero():
     np.testing.assert_allclose(state.zero_v, 3.0, atol=0.6)
     with pytest.raises(ValueError, match="no rest frame"):
         followed(unknown, np.zeros((0, 6)), np.zeros(0), np.zeros(1))
+
+
+def test_what_neither_contacts_nor_sheet_explain_is_no_more_than_the_surprise(skin, calibrated):
+    rng = np.random.default_rng(5)
+    state = RestState.unknown(calibrated, 0.0).updated(skin.reads(0.0, np.zeros(8))).at(30.0)
+    for pressed in (0.0, 0.01, 0.3):
+        frame = skin.reads(1e-3, 1e-2 * rng.standard_normal(8), pressed) + NOISE_V * rng.standard_normal(28)
+        assert 0.0 < state.unexplained(frame) <= state.surprise(frame)
+    assert state.unexplained(frame) > calibrated.limit

@@ -170,14 +170,14 @@ def test_a_table_in_fewer_coordinates_reads_the_same(posterior):
 
 
 def searches(monkeypatch):
-    """Counts how often contacts are searched for."""
+    """How many contacts were proposed in each search."""
     begun, run = [], Search.run
-    monkeypatch.setattr(Search, "run", lambda self, proposed: (begun.append(len(proposed)), run(self, proposed))[1])
+    monkeypatch.setattr(Search, "run", lambda self, fit=None: (run(self, fit), begun.append(self.asked)))
     return begun
 
 
 def test_contacts_that_stay_are_not_searched_for_again(posterior, monkeypatch):
-    begun, rng, nothing = searches(monkeypatch), np.random.default_rng(3), np.empty((0, 3))
+    begun, rng, nothing = searches(monkeypatch), np.random.default_rng(3), lambda: np.empty((0, 3))
     place, force = np.array([[0.03, 0.02], [0.06, 0.04]]), np.array([2.0, 3.0])
     # What no contacts explain: as good as it gets is poor, scan after scan.
     strange = 4.0 * rng.standard_normal(42)
@@ -189,11 +189,43 @@ def test_contacts_that_stay_are_not_searched_for_again(posterior, monkeypatch):
     assert len(begun) == 1
 
 
+def test_the_network_is_asked_only_where_contacts_held_explain_too_little(posterior):
+    rng, asked = np.random.default_rng(5), []
+    place, force = np.array([[0.03, 0.02], [0.06, 0.04]]), np.array([2.0, 3.0])
+
+    def propose():
+        asked.append(len(asked))
+        return np.column_stack([place, force])
+
+    held = None
+    for step in range(10):
+        reading = response(place, (1.0 + 0.02 * step) * force).sum(axis=0) + 0.5 * rng.standard_normal(42)
+        _, held = posterior.followed(reading, propose, held)
+    assert len(asked) == 1
+    third = response(np.array([[0.03, 0.05]]), np.array([1.0]))[0]
+    found, _ = posterior.followed(reading + third, propose, held)
+    assert len(asked) == 2
+    assert np.isfinite(found.force_n).sum() == 3
+
+
+def test_contacts_that_have_come_to_fit_poorly_are_looked_beside_from_where_they_are(posterior, monkeypatch):
+    begun, rng = searches(monkeypatch), np.random.default_rng(6)
+    place, force = np.array([[0.03, 0.02], [0.06, 0.04]]), np.array([2.0, 3.0])
+    clean, noise = response(place, force).sum(axis=0), rng.standard_normal(42)
+    held = None
+    for size in (1.1, 1.6, 1.6):
+        reading = clean + size * noise * np.sqrt(42) / np.linalg.norm(noise)
+        found, held = posterior.followed(reading, lambda: np.column_stack([place, force])[:1], held)
+        assert np.isfinite(found.force_n).sum() == 2
+    # The second search begins from the contacts held, and one more is out of question: none were asked for.
+    assert begun == [1, 0]
+
+
 def test_contacts_followed_are_those_of_a_search_afresh(posterior):
     """One finger, a second beside it, the first lifted, another place at once, a light touch more, all let go."""
     one, two, third = [0.02, 0.02, 2.0], [0.06, 0.04, 3.0], [0.035, 0.05, 0.4]
     touches = [[one], [one], [one, two], [one, two], [two], [third, one], [third, one, two], [one, two], []]
-    rng, held, nothing = np.random.default_rng(4), None, np.empty((0, 3))
+    rng, held, nothing = np.random.default_rng(4), None, lambda: np.empty((0, 3))
     for touch in touches:
         contacts = np.array(touch).reshape(-1, 3)
         for _ in range(5):
@@ -214,7 +246,11 @@ def test_contacts_followed_are_those_of_a_search_afresh(posterior):
 @pytest.mark.parametrize("light_n", [0.08, 0.1])
 def test_a_light_touch_beside_one_that_stays_is_found_as_often_as_afresh(light_n):
     posterior = TouchPosterior(toy_table(), np.zeros(3), 0.0, np.zeros(3), 0.05)
-    nothing, counts = np.empty((0, 3)), []
+    counts = []
+
+    def nothing():
+        return np.empty((0, 3))
+
     for seed in range(40):
         rng = np.random.default_rng(seed)
         one = response(np.array([[0.02, 0.02]]), np.array([3.0]))[0]
@@ -229,12 +265,13 @@ def test_a_light_touch_beside_one_that_stays_is_found_as_often_as_afresh(light_n
 
 def test_contacts_that_explain_little_are_searched_for_again_once_others_are_proposed(posterior, monkeypatch):
     begun, rng = searches(monkeypatch), np.random.default_rng(3)
-    one, two = np.array([[0.03, 0.02, 2.0]]), np.array([[0.03, 0.02, 2.0], [0.06, 0.04, 3.0]])
+    three = np.array([[0.03, 0.02, 2.0], [0.06, 0.04, 3.0], [0.03, 0.05, 0.3]])
+    two = three[:2]
     reading = response(two[:, :2], two[:, 2]).sum(axis=0) + 4.0 * rng.standard_normal(42)
     held = None
-    for proposed in (one, one, two, two):
-        _, held = posterior.followed(reading + 0.3 * rng.standard_normal(42), proposed, held)
-    assert begun == [1, 2]
+    for proposed in (two, two, three, three, two, three):
+        _, held = posterior.followed(reading + 0.3 * rng.standard_normal(42), lambda proposed=proposed: proposed, held)
+    assert begun == [2, 3]
 
 
 def test_a_response_is_the_same_on_more_forces() -> None:
