@@ -28,7 +28,7 @@ class ScanReduction:
     def __init__(self, protocol: Protocol, noise_v: float) -> None:
         """``noise_v`` of a reading, by which spikes are told."""
         design, self._inverse = csr_array(protocol.design), np.ascontiguousarray(protocol.inverse_factor)
-        self._rows = design.indptr, design.indices, design.data
+        self._rows, self._columns = _unsigned(design), _unsigned(csr_array(design.T))
         # Half of a triangle is nought, and fetching the other half is what a product with it costs.
         self._first = (self._inverse != 0.0).argmax(axis=1)
         self._noise_v = noise_v
@@ -36,7 +36,7 @@ class ScanReduction:
 
     def coordinates(self, readings_v: Array) -> Array:
         """(n,) of readings (R,)."""
-        return np.asarray(_coordinates(readings_v, *self._rows, self._inverse, self._first))
+        return np.asarray(_coordinates(readings_v, *self._columns, self._inverse, self._first))
 
     def readings(self, coordinates_v: Array) -> Array:
         """(R,) of coordinates (n,)."""
@@ -88,16 +88,21 @@ class ScanReduction:
         return kept + np.linalg.lstsq(np.eye(len(gone)) - lost @ lost.T, lost @ kept, rcond=1e-9)[0] @ lost
 
 
-@njit(cache=True, nogil=True)
-def _coordinates(readings, begin, columns, weights, inverse, first):  # type: ignore[no-untyped-def]
-    """(n,) readings (R,) times the sparse rows (R,P) times ``inverse`` (P,n), nought before ``first`` (P,)."""
-    pairs, found = np.zeros(len(inverse)), np.zeros(inverse.shape[1])
-    for k in range(len(readings)):
-        for m in range(begin[k], begin[k + 1]):
-            pairs[columns[m]] += weights[m] * readings[k]
-    for p in range(len(pairs)):
-        row, value = inverse[p, first[p] :], pairs[p]
-        some = found[first[p] :]
+def _unsigned(rows: csr_array) -> tuple[NDArray[np.uint32], NDArray[np.uint32], Array]:
+    """Where sparse rows begin, the columns of their numbers, and these; whether an index counts from the end is asked
+    of signed ones alone, and takes as long as the product."""
+    return rows.indptr.astype(np.uint32), rows.indices.astype(np.uint32), rows.data.astype(float)
+
+
+@njit(cache=True, nogil=True, fastmath={"reassoc", "contract", "nsz"})
+def _coordinates(readings, begin, rows, weights, inverse, first):  # type: ignore[no-untyped-def]
+    """(n,) readings (R,) times the sparse columns of (R,P) times ``inverse`` (P,n), nought before ``first`` (P,)."""
+    found = np.zeros(inverse.shape[1])
+    for p in range(len(inverse)):
+        value = 0.0
+        for m in range(begin[p], begin[p + 1]):
+            value += weights[m] * readings[rows[m]]
+        row, some = inverse[p, first[p] :], found[first[p] :]
         for j in range(len(row)):
             some[j] += value * row[j]
     return found
@@ -114,5 +119,6 @@ def _less(change, begin, columns, weights, inverse, first, coordinates, left):  
         for m in range(begin[k], begin[k + 1]):
             value -= weights[m] * pairs[columns[m]]
         left[k] = value
-        worst = max(worst, abs(value))
+    for k in range(len(left)):
+        worst = max(worst, abs(left[k]))
     return worst

@@ -34,8 +34,8 @@ MOST_STEP_M = 6e-3
 COARSE, COARSE_SPREAD = 0.1, 0.5
 CONVERGED = 1e-3
 """A step that gains less than this in the misfit is the last, and one that gains nothing and promised less."""
-ROUGHLY = 0.1
-"""The same where only the valley is looked for."""
+ROUGHLY, ROUGH_SHARE = 0.1, 0.02
+"""The same where only the valley is looked for, and the share of the misfit that adds to it."""
 UNWANTED = 0.1
 """A step that promises less than this share of what the last may gain isn't taken."""
 MOVED_M, MOVED_SHARE = 1e-3, 0.1
@@ -84,7 +84,7 @@ def fitted(
     """
     known = np.full_like(start, np.inf) if before is None else before.known
     added = np.zeros_like(reading) if before is None else before.added
-    return Fit(*descended(reading, start, known, added, steps, CONVERGED, *model))
+    return Fit(*descended(reading, start, known, added, steps, CONVERGED, 0.0, *model))
 
 
 def refined(reading: Array, start: Array, model: tuple[Any, ...]) -> Fit:
@@ -97,14 +97,16 @@ def roughly(reading: Array, start: Array, model: tuple[Any, ...]) -> Fit:
     than that, and left out."""
     spline, cells, spread, remainder, low, high = model
     smoothed = spline, cells, COARSE_SPREAD * spread, max(COARSE, remainder), low, high
-    return Fit(*descended(reading, start, np.empty((0, 3)), np.zeros_like(reading), STEPS, ROUGHLY, *smoothed))
+    return Fit(
+        *descended(reading, start, np.empty((0, 3)), np.zeros_like(reading), STEPS, ROUGHLY, ROUGH_SHARE, *smoothed)
+    )
 
 
 # Numba compiles a function again with each one that calls it: what has a single caller is written into that one.
 @njit(cache=True, nogil=True, error_model="numpy")
-def descended(reading, start, known, added, steps, converged, spline, cells, spread, remainder, low, high):  # type: ignore[no-untyped-def]
-    """The numbers of ``fitted``, but for a last step that gains less than ``converged``; with none ``known`` what they
-    add together stays ``added``."""
+def descended(reading, start, known, added, steps, least, share, spline, cells, spread, remainder, low, high):  # type: ignore[no-untyped-def]
+    """The numbers of ``fitted``, the last step gaining less than ``least`` and that ``share`` of the misfit; with none
+    ``known`` what they add together stays ``added``."""
     touch, tried, several = start.copy(), start.copy(), len(known) > 1
     rows = np.empty((2 * NUISANCES * len(start) + 1, len(reading)))
     spare, products = np.empty_like(rows), np.empty((len(rows), len(rows)))
@@ -118,6 +120,7 @@ def descended(reading, start, known, added, steps, converged, spline, cells, spr
         other, larger = _weighed(spare, also, products)
         gained = misfit + logarithm - other - larger
         better = anew or gained > 0.0
+        converged = least + share * other
         settled = not anew and (gained if better else promised) < converged
         if not anew:
             damping = max(0.1 * damping, 1e-9) if better else 10.0 * damping

@@ -13,11 +13,12 @@ from numba import njit
 from numpy.typing import NDArray
 
 from ertskin.physics.touch.posterior import APART_M, Fit, covariances, fitted, log_evidence, refined, roughly, stated
-from ertskin.physics.touch.table import ResponseTable, dot
+from ertskin.physics.touch.starts import SCAN_FORCES, Starts
+from ertskin.physics.touch.table import ResponseTable
 
 Array = NDArray[np.float64]
 
-STARTS, STARTS_APART_M = 3, 12e-3
+STARTS = 3
 """Places a search for one contact more begins from."""
 SATISFIED = 1.5
 """Mean square in units of the noise: contacts that leave less need no other, those that leave more are looked for again
@@ -25,13 +26,10 @@ one by one."""
 LACKING = 0.5
 """Contacts that leave more, even if the response erred by a tenth, lack one: 123 of 134 frames that did left more, and
 21 that only began in a wrong place 0.11 at most."""
+SURELY = 10.0
+"""What they leave, in units of the noise, is so many times what satisfies: no fit will explain it."""
 EXCHANGES = 3
-FEW = 16
-"""Every sixteenth place tells first whether another contact is hopeful."""
 IMPOSSIBLE = 1e12
-SCAN_M = 6e-3
-SCAN_FORCES = (0.06, 0.12, 0.25, 0.5, 0.8)
-"""Shares of the largest force that a search begins from."""
 BEYOND_DOUBT = 200.0
 """A contact whose force is this many times its standard deviation, squared, costs so much in the log evidence to leave
 out that fewer contacts are out of question."""
@@ -39,11 +37,6 @@ HELD_STEPS = 4
 """Contacts that go on are found in less."""
 LIGHTER = 0.05
 """A touch may be this much lighter than the lightest contact before a reading without contacts is a strange one."""
-HOPELESS = 10.0
-"""One contact more that promises to lower the misfit by less than this is not looked for: a contact known no better
-than to 3 mm and 30 % costs 15 of it in the evidence."""
-NEARBY = 1e-3
-"""Share of a contact's response that is taken for its own at least, in single precision."""
 SLACK = 8.0
 """One contact more is still tried where the last one lost less than this much of the log evidence: two that are close
 may only together be better than one."""
@@ -95,7 +88,7 @@ class TouchPosterior:
         object.__setattr__(self, "_error", np.ascontiguousarray(self.error, dtype=float))
         object.__setattr__(self, "_model", model)
         forces_n = np.array(SCAN_FORCES) * table.grid.force_n[-1]
-        object.__setattr__(self, "_scan", Scan(table, forces_n, self.least_force_n))
+        object.__setattr__(self, "_scan", Starts(table, forces_n, self.least_force_n))
 
     @property
     def bounds(self) -> tuple[Array, Array]:
@@ -153,11 +146,23 @@ class TouchPosterior:
                 count = len(search.fit.touch)
                 touch[n, :count], covariance[n, :count] = search.fit.touch, search.covariance
                 stated(touch[n, :count], self._model[0], self._error, self.widening, covariance[n, :count])  # type: ignore[attr-defined]
-        share = np.exp((logs - logs.max(axis=1, keepdims=True)) / self.temperature)
-        share /= share.sum(axis=1, keepdims=True)
-        there = np.cumsum(share[:, ::-1], axis=1)[:, ::-1][:, 1:]
-        probability = np.where(np.isfinite(touch[..., 2]), there, np.nan)
+        share, probability = _shares(logs, self.temperature, touch[..., 2])
         return Beliefs(touch[..., :2], touch[..., 2], covariance, probability, share, misfit)
+
+
+@njit(cache=True, nogil=True)
+def _shares(logs, temperature, force_n):  # type: ignore[no-untyped-def]
+    """(N,C+1) probability of each number of contacts by log evidences (N,C+1), and (N,C) that each is there."""
+    share, there = np.empty_like(logs), np.full(force_n.shape, np.nan)
+    for n in range(len(logs)):
+        share[n] = np.exp((logs[n] - np.max(logs[n])) / temperature)
+        share[n] /= np.sum(share[n])
+        more = 0.0
+        for c in range(force_n.shape[1] - 1, -1, -1):
+            more += share[n, c + 1]
+            if np.isfinite(force_n[n, c]):
+                there[n, c] = more
+    return share, there
 
 
 def _finite(contacts: Array) -> Array:
@@ -178,37 +183,6 @@ class Held:
     logs: Array
 
 
-class Scan:
-    """What a search for one contact more begins from: ``place`` (n,2) by ``force`` (m,) and ``response`` (n,m,D), in
-    single precision, and the responses ``light`` (n,D) to the lightest contacts there can be; the sums of their
-    squares, and an ``order`` (n,) of the places."""
-
-    def __init__(self, table: ResponseTable, force_n: Array, least_n: float) -> None:
-        grid = table.grid
-        x, y = (np.linspace(a[0], a[-1], max(2, round((a[-1] - a[0]) / SCAN_M) + 1)) for a in (grid.x_m, grid.y_m))
-        self.place, self.force = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2), force_n
-        response = table.alone(np.repeat(self.place, len(force_n), axis=0), np.tile(force_n, len(self.place)))
-        self.light = np.ascontiguousarray(table.alone(self.place, np.full(len(self.place), least_n)))
-        self.response = response.astype(np.float32).reshape(len(self.place), len(force_n), -1)
-        self.squares = (response**2).sum(axis=1).reshape(len(self.place), -1)
-        self.light_squares = (self.light**2).sum(axis=1)
-        # Few places first, all over the sheet: where much is left, any of them tells it.
-        self.order = np.concatenate([np.arange(k, len(self.place), FEW) for k in range(FEW)])
-        self.light = self.light.astype(np.float32)
-
-    def nearest(self, left: Array, now: Array, starts: int) -> Array:
-        """(n,3) of the scan, ``starts`` of them at most, apart from one another: the contacts that beside those ``now``
-        (C,3) leave least of what they leave (D,), best first."""
-        table = self.place, self.force, self.response, self.squares
-        return np.asarray(_nearest(left.astype(np.float32), now, *table, starts))
-
-    def hopeful(self, fit: Fit) -> bool:
-        """Whether one contact more, as light as they can be or stronger, may lower the misfit by as much as its place
-        and force cost in the evidence, those there are following as straight as they look."""
-        across = _across(fit.rows, fit.variance).astype(np.float32)
-        return bool(_promises(across, fit.variance, self.light, self.light_squares, self.order))
-
-
 class Search:
     """The most probable contacts of one reading (D,): their ``fit``, None for none, covariances (n,3,3) by x, y and log
     force, the log evidence ``logs`` (C+1,) of each number of contacts, and the mean misfit ``square``."""
@@ -218,7 +192,7 @@ class Search:
         reading: Array,
         propose: Callable[[], Array],
         model: tuple[Any, ...],
-        scan: Scan,
+        scan: Starts,
         most: int,
         exchanges: int,
     ) -> None:
@@ -290,8 +264,9 @@ class Search:
         while len(now):
             near = roughly(self.reading, now, self.model)
             lacking = hopeful and self._lacks_one(near)
-            # What is much even if the response erred is more if it doesn't.
-            fit = None if lacking and near.misfit > self.enough else fitted(self.reading, near.touch, self.model)
+            # As if the response erred it counts for less by as much.
+            surely = lacking and near.misfit * near.variance > SURELY * self.enough
+            fit = None if surely else fitted(self.reading, near.touch, self.model)
             if lacking and (fit is None or fit.misfit > self.enough):
                 more = self._extended(near, STARTS)
                 if more.misfit <= self.enough and self._possible(more.touch):
@@ -347,7 +322,7 @@ class Search:
         """A reading without contacts may have one that is lighter than they can be."""
         spline, cells, spread, remainder, low, high = self.model
         lighter = low * [1.0, 1.0, LIGHTER]
-        place = self.scan.nearest(self.reading, np.empty((0, 3)), 1)[0]
+        place = self.scan.beside(self.reading, np.empty((0, 3)), 1)[0][0]
         place[2] = low[2]
         fit = fitted(self.reading, place[None], (spline, cells, spread, remainder, lighter, high))
         self.square = min(self.square, fit.misfit / len(self.reading))
@@ -362,8 +337,8 @@ class Search:
         """``refined`` of the contacts of a fit with the one more that fits best, of so many ``starts``."""
         now, left = (np.empty((0, 3)), self.reading) if fit is None else (fit.touch, fit.left)
         best: Fit | None = None
-        for contact in self.scan.nearest(left, now, starts):
-            other = refined(self.reading, np.vstack([now, contact]), self.model)
+        for start in self.scan.beside(left, now, starts):
+            other = refined(self.reading, start, self.model)
             if best is None or self._cost(other) < self._cost(best):
                 best = other
             if best.misfit < self.enough and self._possible(best.touch):
@@ -397,84 +372,3 @@ class Search:
         return all(force_n > self.low[2] for _, _, force_n in places) and all(
             (x - u) ** 2 + (y - v) ** 2 >= APART_M**2 for (x, y, _), (u, v, _) in combinations(places, 2)
         )
-
-
-@njit(cache=True, nogil=True, fastmath={"reassoc", "contract", "nsz"})
-def _single_dot(one, other):  # type: ignore[no-untyped-def]
-    """``dot`` of numbers in single precision, summed in that."""
-    total = np.float32(0.0)
-    for d in range(len(one)):
-        total += one[d] * other[d]
-    return total
-
-
-@njit(cache=True, nogil=True)
-def _nearest(left, now, place, force, response, squares, starts):  # type: ignore[no-untyped-def]
-    """(n,3) of ``Scan.nearest``."""
-    count, best = len(place), np.empty(len(place), dtype=np.int64)
-    least, found = np.full(count, np.inf), np.empty((starts, 3))
-    for p in range(count):
-        for f in range(len(force)):
-            remains = squares[p, f] - 2.0 * _single_dot(response[p, f], left)
-            if remains < least[p]:
-                least[p], best[p] = remains, f
-        for c in range(len(now)):
-            if (place[p, 0] - now[c, 0]) ** 2 + (place[p, 1] - now[c, 1]) ** 2 < APART_M**2:
-                least[p] = np.inf
-    for n in range(starts):
-        first = np.argmin(least)
-        if not np.isfinite(least[first]):
-            return found[:n]
-        found[n, 0], found[n, 1], found[n, 2] = place[first, 0], place[first, 1], force[best[first]]
-        for p in range(count):
-            if (place[p, 0] - place[first, 0]) ** 2 + (place[p, 1] - place[first, 1]) ** 2 < STARTS_APART_M**2:
-                least[p] = np.inf
-    return found
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _across(rows, variance):  # type: ignore[no-untyped-def]
-    """(2n+1,D) orthonormal directions that contacts and errors of a fit with these ``rows`` can follow, its errors with
-    a part of what they are allowed by the noise's ``variance`` (Cholesky), and what is left then."""
-    count, free = len(rows), rows.copy()
-    products = np.empty((count, count))
-    for i in range(count):
-        for j in range(i):
-            products[i, j] = dot(rows[i], rows[j])
-    for i in range(count - 1):
-        square = dot(rows[i], rows[i])
-        square += variance if i < count // 2 else 1e-9 * square + 1e-12
-        for k in range(i):
-            share = products[i, k]
-            for j in range(k):
-                share -= products[i, j] * products[k, j]
-            share /= products[k, k]
-            products[i, k] = share
-            square -= share * share
-            for d in range(rows.shape[1]):
-                free[i, d] -= share * free[k, d]
-        products[i, i] = np.sqrt(square)
-        for d in range(rows.shape[1]):
-            free[i, d] /= products[i, i]
-    for k in range(count - 1):
-        share = dot(free[k], rows[count - 1])
-        for d in range(rows.shape[1]):
-            free[count - 1, d] -= share * free[k, d]
-    return free
-
-
-@njit(cache=True, nogil=True)
-def _promises(across, variance, light, squares, order):  # type: ignore[no-untyped-def]
-    """Whether one of the ``light`` contacts (n,D), or a stronger one in its place, promises to lower the misfit by
-    ``HOPELESS``, given ``_across`` of the contacts there are."""
-    last = len(across) - 1
-    for p in order:
-        own = squares[p]
-        for k in range(last):
-            own -= _single_dot(across[k], light[p]) ** 2
-        own = max(own, NEARBY * squares[p]) / variance
-        by_left = _single_dot(light[p], across[last]) / variance
-        share = max(by_left / own, 1.0)
-        if share * (2.0 * by_left - share * own) > HOPELESS:
-            return True
-    return False

@@ -130,14 +130,16 @@ class ResponseTable:
             np.add.at(total, rows, self.alone(contact_m[rows, slots], force_n[rows, slots]))
         touches = np.concatenate([np.nan_to_num(contact_m), np.nan_to_num(force_n)[..., None]], axis=-1)
         several = np.flatnonzero(present.sum(axis=1) > 1)
-        all_together(np.ascontiguousarray(touches), present, several, self.compiled(), total)
+        if len(several):
+            all_together(np.ascontiguousarray(touches), present, several, self.compiled(), total)
         return total
 
     def compiled(self) -> tuple[Any, ...]:
         """The arrays ``added_together`` and the posterior's compiled loops take."""
         inter = self.interplay
         cells = self.knots_x, self.knots_y, self.knots_n, self.cell_s, inter.center_m, self.reach_m
-        return *cells, inter.field, inter.green, inter.area_m2, self.read
+        # Fetching them is what takes long, and what they tell is a hundredth of a response.
+        return *cells, _single(inter.field), _single(inter.green), inter.area_m2, _single(self.read)
 
     @property
     def reach_m(self) -> float:

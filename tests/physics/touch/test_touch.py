@@ -14,7 +14,7 @@ from ertskin.physics.conduction.sheet import SheetModel
 from ertskin.physics.sensor import Sensor
 from ertskin.physics.touch import search
 from ertskin.physics.touch.interplay import Interplay, pair_change
-from ertskin.physics.touch.posterior import descended
+from ertskin.physics.touch.posterior import descended, roughly
 from ertskin.physics.touch.search import Search, TouchPosterior
 from ertskin.physics.touch.spline import basis, coefficients
 
@@ -131,6 +131,21 @@ def test_a_contact_that_is_not_proposed_is_found(posterior):
         found = posterior.of(reading[None], proposed[None, :2])
         np.testing.assert_allclose(np.sort(found.force_n[0, :3]), np.sort(force), atol=0.3)
         assert np.isnan(found.force_n[0, 3])
+
+
+@pytest.mark.parametrize("apart_m", [0.014, 0.02])
+def test_two_contacts_taken_for_one_in_between_are_parted(posterior, apart_m):
+    """By the search for one more, at once: what both leave of the one is no contact anywhere."""
+    rng = np.random.default_rng(12)
+    for _ in range(20):
+        angle, other = rng.uniform(0.0, np.pi), np.array([0.015, 0.015])
+        middle = rng.uniform([0.045, 0.025], [0.06, 0.04])
+        side = 0.5 * apart_m * np.array([np.cos(angle), np.sin(angle)])
+        place, force = np.stack([other, middle + side, middle - side]), rng.uniform(1.0, 2.0, 3)
+        reading = response(place, force).sum(axis=0) + rng.standard_normal(42)
+        near = roughly(reading, np.array([[*other, force[0]], [*middle, force[1:].sum()]]), posterior._model)
+        start = posterior._scan.beside(near.left, near.touch, 1)[0]
+        assert np.linalg.norm(start[:, None, :2] - place[1:], axis=2).min(axis=0).max() < 6e-3
 
 
 def test_nothing_is_found_in_noise_and_a_strange_reading_shows(posterior):
