@@ -17,7 +17,7 @@ import torch
 from torch import Tensor, nn
 
 from ertskin.errors import UserError
-from ertskin.live.predictor import ABOUT, COORDINATES, TABLE_SUFFIX, WHITENING
+from ertskin.live.predictor import ABOUT, COORDINATES, TABLE_SUFFIX
 from ertskin.models.contacts import ContactsNetwork
 from ertskin.models.denoiser import Denoiser
 from ertskin.models.masked import MaskedNetwork
@@ -99,8 +99,7 @@ def export_onnx(reconstruction: Reconstruction, path: Path) -> None:
     # Taken before the graph is made in single precision: what decides stays as exact as in training.
     beside = {} if reconstruction.monitor is None else reconstruction.monitor.held()
     if isinstance(network, ContactsNetwork):
-        limits = {"least_force_n": network.least_force_n, "most": network.most}
-        beside |= network.held() | limits | {WHITENING: network.trunk.whiten.matrix.double().cpu().numpy()}
+        beside |= network.held() | {"least_force_n": network.least_force_n, "most": network.most}
     module = _module(reconstruction).eval().float()
     frames = [torch.zeros(1, protocol.shape[0] * protocol.shape[1])]
     inputs = [INPUT]

@@ -20,7 +20,6 @@ from ertskin.physics.touch.search import Held, TouchPosterior
 Array = NDArray[np.float64]
 ABOUT = "ertskin"
 COORDINATES = "coordinates_v"
-WHITENING = "whitening"
 TABLE_SUFFIX = ".npz"
 """Of the arrays beside an exported network: its monitor, and the forward model of one that proposes contacts."""
 
@@ -57,12 +56,17 @@ class Predictor:
             # onnxruntime raises classes of its own for each way a file can be bad.
             raise UserError(f"{path} is no exported model: {str(error).splitlines()[0]}") from None
 
-        self.reads_coordinates = COORDINATES in {given.name for given in self._session.get_overridable_initializers()}
+        numbers = {given.name: int(given.shape[-1]) for given in self._session.get_overridable_initializers()}
+        self.reads_coordinates = COORDINATES in numbers
         """Whether it can ``estimate_coordinates``: a network that reads more than those can't."""
         held = _held_beside(path)
         self.monitor = SkinMonitor.of(held)
         self._posterior = _posterior(path, held) if self.kind.kind == "contacts" else None
-        self._whitening = np.ascontiguousarray(held[WHITENING]) if self._posterior is not None else None
+        self._whitening: Array | None = None
+        if self._posterior is not None and self.reads_coordinates:
+            # Readings are linear in the coordinates: those of each alone are the matrix.
+            alone = self._of_coordinates(np.eye(numbers[COORDINATES]))
+            self._whitening = self._session.run(None, alone)[3].astype(float)
 
     def estimate(self, change_v: NDArray[np.floating]) -> Estimate:
         """Touches of (N,K,M) or (N,R) changes of the raw readings against rest, in volt."""
@@ -128,9 +132,9 @@ def _held_beside(path: Path) -> dict[str, Any]:
 
 def _posterior(path: Path, held: dict[str, Any]) -> TouchPosterior:
     """The forward model of a network that proposes contacts."""
-    if "response" not in held or WHITENING not in held:
+    if "response" not in held:
         raise UserError(
-            f"{path} needs the table exported with it, and {path.with_suffix(TABLE_SUFFIX)} lacks it: export again"
+            f"{path} needs the table exported with it, and there is none in {path.with_suffix(TABLE_SUFFIX)}"
         )
     # No scan may wait for a long search: what fits poorly shows in the misfit.
     return posterior_of(held, float(held["least_force_n"]), int(held["most"]), exchanges=0)
