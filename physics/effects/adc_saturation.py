@@ -1,30 +1,78 @@
-"""The converter clips."""
+"""The amplifier or the converter compresses large readings, and clips the largest."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Self
 
 import numpy as np
 
-from ertskin.physics.effects.effect import AcquisitionEffect, Array
+from ertskin.physics.effects.effect import AcquisitionEffect, Array, Start, parameter
 from ertskin.physics.effects.hypothesis import Axis, Hypothesis, Measured, Signal
+from ertskin.physics.effects.standard import Standard
 from ertskin.physics.protocol import Protocol
+from ertskin.physics.sensor import Sensor
+
+SHARPNESSES = 2.0, 5.0, 15.0
+"""Where fits begin: the cubic curve of a symmetric stage that is overdriven a little, a bend, a knee."""
 
 
 @dataclass(frozen=True)
 class AdcSaturation(AcquisitionEffect):
-    """Readings beyond ``limit_v`` read ``limit_v``; below ``lowest_v``, ``lowest_v``."""
+    """A reading v becomes v (1 + q |v/L|^n)^(-1/n), then stays between ``lowest_v`` and ``limit_v``.
+
+    n is the ``sharpness``, L the ``level_v``, q such that a reading of L falls short by its part ``compression``: small
+    ones fall short by the part q |v/L|^n / n, the largest approach L q^(-1/n). ``level_v`` isn't fitted.
+    """
 
     name: ClassVar[str] = "adc_saturation"
-    source: ClassVar[str] = "Full scale of a converter or the rail of the amplifier before it"
+    source: ClassVar[str] = (
+        "Full scale of a converter or the rail of the amplifier before it; the approach to it as in C. Rapp, Effects of"
+        " HPA-nonlinearity on a 4-DPSK/OFDM signal, 2nd European Conference on Satellite Communications (1991) 179"
+    )
     order: ClassVar[int] = 2
+    linear: ClassVar[bool] = False
     hypothesis: ClassVar[Hypothesis] = Hypothesis(
         (Axis.ELECTRODE,), (Signal.NONRECIPROCAL,), (), measured=Measured.READING_LIMIT
     )
 
     limit_v: float = float("inf")
     lowest_v: float = float("-inf")
+    compression: float = parameter("1", 0.0, 0.9, 0.0, 0.01, "part by which a reading of level_v falls short")
+    sharpness: float = parameter(
+        "1", 2.0, 60.0, 2.0, 1.0, "power of the reading with which that part grows", defining=False
+    )
+    level_v: float = 1.0
 
     def distorted_v(self, voltage_v: Array, protocol: Protocol) -> Array:
-        return np.clip(voltage_v, self.lowest_v, self.limit_v)
+        return np.clip(self._compressed(voltage_v), self.lowest_v, self.limit_v)
+
+    @property
+    def _bend(self) -> float:
+        """q of the class's formula."""
+        return float(np.expm1(-self.sharpness * np.log1p(-self.compression)))
+
+    def _compressed(self, voltage_v: Array) -> Array:
+        if self.compression == 0:
+            return voltage_v
+        part = self._bend * np.abs(voltage_v / self.level_v) ** self.sharpness
+        return np.asarray(voltage_v * np.exp(-np.log1p(part) / self.sharpness))
+
+    @property
+    def approached_v(self) -> float:
+        """What no reading exceeds, in volt."""
+        if self.compression == 0:
+            return self.limit_v
+        return min(self.limit_v, self.level_v * self._bend ** (-1 / self.sharpness))
+
+    def scaled_to(self, largest_v: float) -> Self:
+        return self.changed({"level_v": largest_v})
+
+    def quantities(self, standard: Standard) -> dict[str, float]:
+        """Where readings stop, if anywhere."""
+        return {"limit_v": self.approached_v} if np.isfinite(self.approached_v) else {}
+
+    @classmethod
+    def reading_starts(cls, sensor: Sensor, protocol: Protocol) -> tuple[Start, ...]:
+        both = ("compression", "sharpness")
+        return tuple(Start(cls(compression=0.01, sharpness=one), both, both[:1]) for one in SHARPNESSES)

@@ -268,14 +268,20 @@ class ElectrodeEffect(Effect):
 
 @dataclass(frozen=True)
 class AcquisitionEffect(Effect):
-    """An effect of the instrument, on the readings."""
+    """An effect of the instrument, on the readings; ``linear`` where twice the readings read twice, offsets apart."""
 
     stage: ClassVar[Stage] = Stage.ACQUISITION
     order: ClassVar[int] = 0
+    linear: ClassVar[bool] = True
 
     def distorted_v(self, voltage_v: Array, protocol: Protocol) -> Array:
         """(T,K,M) what the instrument says of readings (T,K,M) in volt."""
         raise NotImplementedError
+
+    def scaled_to(self, largest_v: float) -> Self:
+        """The same where no reading is larger than ``largest_v``, either sign: an effect that isn't linear is told by
+        how large readings are."""
+        return self
 
 
 @dataclass(frozen=True)

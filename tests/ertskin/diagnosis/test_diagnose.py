@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -152,6 +153,21 @@ def test_what_was_left_out_is_named_and_predicts_where_the_criteria_let_it(tmp_p
     found = diagnose_any(recording, "hidden.h5", lambda share, text: None, "fast", criteria=strict).diagnosis
     assert found.verdict == "unexplained"
     assert not found.claims
+
+
+@pytest.mark.timeout(300)
+def test_an_amplifier_that_bends_softly_is_named_alone_and_predicts(tmp_path: Path) -> None:
+    path = tmp_path / "straight.h5"
+    write_bench(path, "quick", {}, seed=11, resolution=FAST)
+    recording = read_recording(path)
+    assert recording.frames is not None
+    straight_v = np.array(recording.frames.voltage_v)
+    scale_v = 5.0 * float(straight_v.max())
+    bent = replace(recording, frames=replace(recording.frames, voltage_v=scale_v * np.tanh(straight_v / scale_v)))
+    found = diagnose_any(bent, path.name, lambda share, text: None, "fast").diagnosis
+    named_and_predicting(found, "adc_saturation")
+    (claim,) = found.claims
+    assert claim.parameters["compression"].value == pytest.approx(1 / 75, rel=0.05)
 
 
 @pytest.mark.timeout(300)

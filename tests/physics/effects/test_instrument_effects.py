@@ -53,6 +53,30 @@ def test_saturation_clips(readings) -> None:
     assert AdcSaturation(limit_v=0.1).distorted_v(readings, PROTOCOL).max() == pytest.approx(0.1)
 
 
+@pytest.mark.parametrize("sharpness", [2.0, 5.0, 40.0])
+def test_compression_is_the_part_by_which_the_level_falls_short_on_both_sides(sharpness: float) -> None:
+    effect = AdcSaturation(compression=0.1, sharpness=sharpness, level_v=2.0)
+    voltage = np.array([-1e6, -2.0, -0.02, 0.0, 0.02, 2.0, 1e6])
+    changed = effect.distorted_v(voltage, PROTOCOL)
+    np.testing.assert_allclose(changed, -changed[::-1])
+    assert changed[5] == pytest.approx(1.8)
+    assert changed[4] == pytest.approx(0.02, rel=1e-4)
+    assert changed[6] == pytest.approx(effect.approached_v, rel=1e-9)
+    assert effect.scaled_to(4.0).approached_v == pytest.approx(2 * effect.approached_v)
+
+
+def test_a_hyperbolic_tangent_is_one_of_its_forms() -> None:
+    voltage = np.linspace(-3.0, 3.0, 601)
+    bent = 6.0 * np.tanh(voltage / 6.0)
+    effect = AdcSaturation(compression=1 - bent[-1] / 3.0, sharpness=2.03, level_v=3.0)
+    np.testing.assert_allclose(effect.distorted_v(voltage, PROTOCOL), bent, atol=0.005 * np.abs(voltage - bent).max())
+
+
+def test_a_limit_and_a_compression_stop_readings_at_the_lower_one() -> None:
+    assert AdcSaturation(compression=0.1, level_v=2.0, limit_v=1.5).approached_v == 1.5
+    assert AdcSaturation().approached_v == np.inf
+
+
 def test_anisotropic_tensor_has_its_ratio_and_axis() -> None:
     effect = SheetAnisotropy(stretch_x=0.3, stretch_diagonal=0.4)
     xx, xy, yy = effect.tensor()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from ertskin.physics.effects.adc_saturation import AdcSaturation
 from ertskin.physics.effects.channel_gain import ChannelGain
 from ertskin.physics.effects.contact_pressure_dependence import ContactPressureDependence
 from ertskin.physics.effects.foam_hysteresis import FoamHysteresis
@@ -88,4 +89,7 @@ def test_sheet_electrodes_and_instrument() -> None:
     pressed = ContactPressureDependence(sensitivity_per_pa=1e-4, bend=1.0).quantities(standard())
     assert pressed["gain_at_half_span"] == pytest.approx(5.0)
     assert ChannelGain(gain=0.02).quantities(standard()) == {"gain_less_one": 0.02}
+    assert AdcSaturation(compression=0.5, sharpness=2.0, level_v=3.0).quantities(standard()) == {
+        "limit_v": pytest.approx(3.0 / np.sqrt(3.0))
+    }
     assert ScanSkew(speed_m_per_s=1e-4).quantities(standard())["share_of_step_in_scan"] == pytest.approx(0.25)

@@ -289,10 +289,7 @@ class VoltageProblem:
 
     def _law_columns(self, skin: Skin) -> Array:
         """(T,P,1+SHAPE) the scans' derivatives by the law, in units of the noise."""
-        found = self.linear.law_columns(skin, SHAPE)
-        through = self.acquisition.on_columns(skin)
-        if through is not None:
-            found = np.einsum("pq,tqk->tpk", through, found, optimize=True)
+        found = self._through(skin, self.linear.law_columns(skin, SHAPE))
         found *= np.where(self.weight[:, None, None] > 0, 1 / self.evidence.noise_v, 0.0)
         return self.evidence.discounted(found)
 
@@ -319,11 +316,8 @@ class VoltageProblem:
         scans, (m,P,K) in units of the noise."""
         raised_effect = cast(FieldOverSheet, skin.effects[number]).raised(RAISED)
         raised = replace(skin, effects=(*skin.effects[:number], raised_effect, *skin.effects[number + 1 :]))
-        through = self.acquisition.on_columns(skin)
         for rows, found in self.linear.field_columns(skin, raised, RAISED, fields):
-            if through is not None:
-                found = np.einsum("pq,mqk->mpk", through, found, optimize=True)
-            part = self.evidence.frames(rows).discounted(found / self.evidence.noise_v)
+            part = self.evidence.frames(rows).discounted(self._through(skin, found) / self.evidence.noise_v)
             yield rows, np.where(self.weight[rows, None, None] > 0, part, 0.0)
 
     def _known_columns(self, layout: _Layout) -> tuple[Array, Array] | None:
@@ -375,7 +369,14 @@ class VoltageProblem:
                 rows = patch.rows[patch.state_of == k]
                 result[rows] = state.contact * per_logarithm[rows, None]
         # in single precision, as the fit keeps them
-        return cast(Array, result)
+        return cast(Array, self._through(skin, result))
+
+    def _through(self, skin: Skin, columns: Array) -> Array:
+        """Columns (T,P,n) of scans as the instrument makes them."""
+        through = self.acquisition.on_columns(skin)
+        if through is None:
+            return columns
+        return np.asarray(np.einsum("pq,tqk->tpk", through.astype(columns.dtype), columns, optimize=True))
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import reduce
+from functools import cached_property, reduce
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,10 @@ from ertskin.physics.skin import Skin, lagrange_weights
 Array = NDArray[np.float64]
 
 REMEMBERED = 7
+CHUNK = 32
+"""Frames whose readings are computed at a time."""
+NEAR = 1e-3
+"""Part of a scan's largest number by which each is moved for the derivatives of an instrument that isn't linear."""
 
 
 def instruments(effects: Sequence[Effect]) -> list[AcquisitionEffect]:
@@ -39,14 +43,29 @@ class AcquisitionSignal:
 
     def scans(self, skin: Skin) -> Array:
         """(T,P) whitened scans as the instrument sees them."""
-        scans = self.linear.scans(skin)
-        for effect in instruments(skin.effects):
-            matrix, offset = self._map(effect)
-            scans = scans @ matrix.T + offset
-        return scans
+        return self.distorted(self.linear.scans(skin), instruments(skin.effects))
+
+    def distorted(self, scans: Array, effects: Sequence[AcquisitionEffect]) -> Array:
+        """(T,P) what the instrument makes of whitened scans (T,P), by ``effects`` in their order."""
+        if all(effect.linear for effect in effects):
+            for effect in effects:
+                matrix, offset = self._map(effect)
+                scans = scans @ matrix.T + offset
+            return scans
+        return np.concatenate([self._read(scans[k : k + CHUNK], effects) for k in range(0, len(scans), CHUNK)])
+
+    def _read(self, scans: Array, effects: Sequence[AcquisitionEffect]) -> Array:
+        """The same by way of all readings, which is what an effect that isn't linear takes."""
+        protocol = self.evidence.protocol
+        readings = (scans @ protocol.orthonormal.T).reshape(-1, *protocol.shape)
+        change = reduce(lambda done, effect: effect.distorted_v(done, protocol), effects, readings) - readings
+        return np.asarray(scans + change.reshape(len(scans), -1) @ protocol.orthonormal)
 
     def on_columns(self, skin: Skin) -> Array | None:
-        """(P,P) what the instrument makes of a change of whitened scans, None where it leaves them alone."""
+        """(P,P) what the instrument makes of a change of whitened scans, None where it leaves them alone.
+
+        That of the mean scan, where the instrument isn't linear.
+        """
         maps = [self._map(effect)[0] for effect in instruments(skin.effects)]
         return reduce(lambda done, matrix: matrix @ done, maps) if maps else None
 
@@ -57,13 +76,27 @@ class AcquisitionSignal:
         return self._maps[effect]
 
     def on_scans(self, effect: AcquisitionEffect) -> tuple[Array, Array]:
-        """What a linear effect does to whitened scans: matrix (P,P) and offset (P,)."""
+        """What an effect does to whitened scans near the mean one: matrix (P,P) and offset (P,)."""
         protocol = self.evidence.protocol
         basis = protocol.orthonormal
-        readings = basis.T.reshape(-1, *protocol.shape)
-        offset = effect.distorted_v(np.zeros((1, *protocol.shape)), protocol)
-        moved = (effect.distorted_v(readings, protocol) - offset).reshape(len(readings), -1)
-        return (moved @ basis).T, offset.reshape(-1) @ basis
+        about = self._mean_scan if not effect.linear else np.zeros(basis.shape[1])
+        step = NEAR * float(np.abs(about).max()) if about.any() else 1.0
+        readings = (about + step * np.eye(len(about))) @ basis.T
+        mean = effect.distorted_v((about @ basis.T).reshape(1, *protocol.shape), protocol).reshape(-1)
+        moved = effect.distorted_v(readings.reshape(-1, *protocol.shape), protocol).reshape(len(readings), -1) - mean
+        matrix = (moved @ basis).T / step
+        return matrix, mean @ basis - matrix @ about
+
+    @cached_property
+    def largest_v(self) -> float:
+        """The largest reading, either sign, of what networks explain of the rows."""
+        scans = self.evidence.scan_v[self.rows]
+        return float(np.nanmax(np.abs(scans @ self.evidence.protocol.orthonormal.T)))
+
+    @cached_property
+    def _mean_scan(self) -> Array:
+        """(P,) the mean of the scans recorded."""
+        return np.asarray(np.nan_to_num(np.nanmean(self.evidence.scan_v, axis=0)))
 
     def leftover(self, skin: Skin) -> Array:
         """(n, K*M) what no network explains of the predicted readings, for the rows n."""

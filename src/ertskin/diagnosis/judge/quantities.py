@@ -96,7 +96,7 @@ def quantities(effect: Effect, standard: Standard, spread: Spread) -> dict[str, 
         least = SMOOTH if getattr(effect, "nodes", ()) else FORM
         half = max(QUANTILE * error, least * abs(value))
         if np.isfinite([value, half]).all():
-            found[name] = Estimate(value, value - half, value + half, "1")
+            found[name] = Estimate(value, value - half, value + half, "V" if name.endswith("_v") else "1")
     return found
 
 
@@ -151,10 +151,13 @@ def _block(matrix: Array, rows: NDArray[np.intp]) -> Array:
 
 def _slope(effect: Effect, standard: Standard, key: str, error: float) -> dict[str, float]:
     """Derivatives of all quantities by a parameter, over ``STEP`` of its standard error to either side."""
-    known, value = effect.parameters()[key], float(getattr(effect, key))
+    known, value = effect.parameters().get(key), float(getattr(effect, key))
+    if known is None:
+        # It was measured, not fitted.
+        return {}
     step = STEP * error if error > 0 else 1e-3 * known.typical
     low, high = max(value - step, known.low), min(value + step, known.high)
     if not high > low:
         return {}
     less, more = (effect.changed({key: v}).quantities(standard) for v in (low, high))
-    return {name: (more[name] - less[name]) / (high - low) for name in more}
+    return {name: (more[name] - less[name]) / (high - low) for name in more if name in less}

@@ -29,6 +29,11 @@ LEAST_ODD = 1e-3
 LEAST_SIGNAL = 5.0
 """Times the noise that the resting scan's numbers must have."""
 FEWEST_RESTS = 4
+ALIKE, OFTEN = 3.0, 0.05
+"""Times what a reading is usually off by, and part of the frames, up to which a reading taken for a spike may be one."""
+FEWEST_SHORT, LARGE, FLAT = 5, 0.1, 0.2
+"""A converter that bends softly: fewest readings short in most rest frames, part of the readings, the largest, that they
+lie among, and least part by which they differ of what they should differ by."""
 LEAST_FREEDOM = 0.05
 """Readings that a network follows more closely than this say nothing about the noise."""
 
@@ -199,7 +204,11 @@ def _scans(
     scan, spike = despiked(protocol, voltage)
     scan, spike = _channels_restored(protocol, voltage, scan, spike)
     fitted = (scan @ protocol.orthonormal.T).reshape(voltage.shape)
-    bent = _bent_at_top(voltage, fitted, spike)
+    if not saturated and _compressed(voltage, fitted, spike, rest):
+        scan, spike = _standing_restored(protocol, voltage, fitted, spike)
+        fitted, bent = (scan @ protocol.orthonormal.T).reshape(voltage.shape), False
+    else:
+        bent = _bent_at_top(voltage, fitted, spike)
     straight: Array | None = voltage
     if bent or saturated:
         bent_v = _bent_from(fitted[rest][:, protocol.taken], spike[rest][:, protocol.taken])
@@ -258,6 +267,38 @@ def _channels_restored(
     kept[..., standing] = ~there[..., standing]
     fitted = (scan @ protocol.orthonormal.T).reshape(voltage.shape)
     filled = np.where(kept | ~there, fitted, voltage)
+    return filled.reshape(len(filled), -1) @ protocol.orthonormal, kept
+
+
+def _compressed(voltage: Array, fitted: Array, spike: NDArray[np.bool_], rest: NDArray[np.bool_]) -> bool:
+    """Whether large readings fall short, frame after frame, by what grows with their size, and yet grow themselves.
+
+    That is an amplifier that bends softly; where they stop growing it is a limit.
+    """
+    standing = spike[rest].mean(axis=0) > 0.5
+    standing &= np.isfinite(voltage[rest]).all(axis=0)
+    if standing.sum() < FEWEST_SHORT:
+        return False
+    size, read = np.abs(fitted[rest]), voltage[rest] * np.sign(fitted[rest])
+    large = np.median(size[:, standing]) > np.nanquantile(size, 1 - LARGE)
+    short = (read < size)[:, standing].mean() > 0.8
+    if not large or not short:
+        return False
+    spread = size[:, standing] - size[:, standing].mean()
+    return bool((spread * read[:, standing]).sum() > FLAT * (spread**2).sum())
+
+
+def _standing_restored(
+    protocol: Protocol, voltage: Array, fitted: Array, spike: NDArray[np.bool_]
+) -> tuple[Array, NDArray[np.bool_]]:
+    """Scans and spikes with readings put back that are off by about as much in all frames, or off too often to be so by
+    chance."""
+    there = np.isfinite(voltage)
+    off = np.where(there, voltage - fitted, 0.0)
+    usual = np.median(off, axis=0)
+    alike = (off * usual > 0) & (np.abs(off) < ALIKE * np.abs(usual))
+    kept = (spike & ~alike & (spike.mean(axis=0) < OFTEN)) | ~there
+    filled = np.where(kept, fitted, voltage)
     return filled.reshape(len(filled), -1) @ protocol.orthonormal, kept
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ertskin.diagnosis.fit.joint_fit import Solved, Term, VoltageProblem
-from ertskin.diagnosis.search.first_order_gain import added_gain
+from ertskin.diagnosis.search.first_order_gain import add_leftover, added_gain, held_out_gain, with_columns
 from ertskin.diagnosis.search.smooth_fields import NodeQuadratic, at_nodes, foretelling
 from ertskin.physics.effects.effect import AcquisitionEffect, Effect, ElectrodeEffect, Parameter, Start, shown_by
 from ertskin.physics.effects.hypothesis import Measured, Signal
@@ -27,10 +27,12 @@ FARTHEST_M = 5e-3
 
 @dataclass(frozen=True)
 class Candidate:
-    """A term to try, where it starts, and what screening expects it to gain (half chi-square, held out)."""
+    """A term to try, where it starts, and what screening expects it to gain (half chi-square, held out); ``beyond``
+    that of what no network explains alone."""
 
     term: Term
     gain: float
+    beyond: float = 0.0
 
     @property
     def name(self) -> str:
@@ -41,7 +43,7 @@ def screen(problem: VoltageProblem, solved: Solved, partitions: Sequence[Sequenc
     """Every term that isn't in the fit yet, best first."""
     found = [*_through_scans(problem, solved, partitions), *_electrodes(problem, solved, partitions)]
     found += _fields(problem, solved, partitions)
-    found += _instrument(problem, solved)
+    found += _instrument(problem, solved, partitions)
     return sorted(found, key=lambda c: -c.gain)
 
 
@@ -179,7 +181,7 @@ def _number(effect: Effect) -> int:
     return int(getattr(effect, "electrode", getattr(effect, "channel", -1)))
 
 
-def _instrument(problem: VoltageProblem, solved: Solved) -> list[Candidate]:
+def _instrument(problem: VoltageProblem, solved: Solved, partitions: Sequence[Sequence[int]]) -> list[Candidate]:
     """Effects that no resistor network explains, by what they'd explain of what none does."""
     protocol = problem.evidence.protocol
     if protocol.count <= protocol.orthonormal.shape[1]:
@@ -191,10 +193,15 @@ def _instrument(problem: VoltageProblem, solved: Solved) -> list[Candidate]:
     present = {(t.name, _number(t.effect)) for t in solved.terms}
     found: list[Candidate | None] = []
     for kind in effects_shown_by(Signal.NONRECIPROCAL):
+        if kind.hypothesis.measured == Measured.READING_LIMIT and problem.evidence.saturated_v is not None:
+            # It is known, and the readings that show it are left out.
+            continue
         for start in kind.reading_starts(problem.evidence.sensor, protocol):
             if (kind.name, _number(start.effect)) in present:
                 continue
-            if isinstance(start.effect, AcquisitionEffect):
+            if isinstance(start.effect, AcquisitionEffect) and not start.effect.linear:
+                found.append(_bending(problem, solved, start, start.effect, partitions))
+            elif isinstance(start.effect, AcquisitionEffect):
                 found.append(_distorting(problem, start, start.effect, readings, wrong))
             else:
                 found.append(_moving(problem, solved, start, wrong, signal.leftover(skin)))
@@ -218,7 +225,35 @@ def _distorting(
     value = _inside(share * size, known)
     if value * size <= 0 and known.low >= 0:
         return None
-    return Candidate(Term(effect.changed({key: value}), start.free), gain)
+    return Candidate(Term(effect.changed({key: value}), start.free), gain, gain)
+
+
+def _bending(
+    problem: VoltageProblem,
+    solved: Solved,
+    start: Start,
+    effect: AcquisitionEffect,
+    partitions: Sequence[Sequence[int]],
+) -> Candidate | None:
+    """An effect that isn't linear. What depends on a reading's size alone changes both readings of a reciprocal pair
+    alike: it is told by the scans, too."""
+    signal, effect = problem.acquisition, effect.scaled_to(problem.acquisition.largest_v)
+    scans = signal.scans(problem.family.skin(solved.calibration, solved.effects))
+    change = (signal.distorted(scans, (effect,)) - scans) / problem.evidence.noise_v
+    column = problem.evidence.discounted(np.where(problem.weight[:, None] > 0, change, 0.0))[..., None]
+    gradient, hessian = with_columns(problem, solved, column, solved.scan_residual)
+    by_scans = float(gradient[:, -1].sum()), float(hessian[:, -1, -1].sum())
+    add_leftover(problem, solved, (effect,), gradient, hessian)
+    prior = np.append(solved.fit.prior.diagonal(), 0.0)
+    gain, step = held_out_gain(gradient, hessian, prior, solved.fit.value, partitions)
+    along, square = float(gradient[:, -1].sum()) - by_scans[0], float(hessian[:, -1, -1].sum()) - by_scans[1]
+    (key,) = start.along
+    known, size = effect.parameters()[key], float(getattr(effect, key))
+    value = _inside(float(step[-1]) * size, known)
+    if not np.isfinite(gain) or (value * size <= 0 and known.low >= 0):
+        return None
+    beyond = 0.5 * along**2 / square if along > 0 and square > 0 else 0.0
+    return Candidate(Term(effect.changed({key: value}), start.free), gain, beyond)
 
 
 def _moving(problem: VoltageProblem, solved: Solved, start: Start, wrong: Array, before: Array) -> Candidate | None:
@@ -231,7 +266,7 @@ def _moving(problem: VoltageProblem, solved: Solved, start: Start, wrong: Array,
     if share <= 0:
         return None
     value = float(np.clip(share * size, 1e-6, 0.9 * known.high))
-    return Candidate(Term(start.effect.changed({key: value}), start.free), gain)
+    return Candidate(Term(start.effect.changed({key: value}), start.free), gain, gain)
 
 
 def _one_column(along: float, square: float, share: float) -> tuple[float, float]:

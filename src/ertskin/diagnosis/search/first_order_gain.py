@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ertskin.diagnosis.fit.joint_fit import Solved, VoltageProblem
+from ertskin.physics.effects.effect import AcquisitionEffect
 
 Array = NDArray[np.float64]
 
@@ -83,6 +84,28 @@ def with_columns(
     if specimen is not None and specimen_columns is not None and len(specimen):
         add(-1, known_specimen, specimen_columns, specimen)
     return gradient, hessian
+
+
+def add_leftover(
+    problem: VoltageProblem, solved: Solved, forms: Sequence[AcquisitionEffect], gradient: Array, hessian: Array
+) -> None:
+    """Count what no network explains in the gradient and Hessian, whose last numbers are those of the ``forms``."""
+    signal, share, where = problem.acquisition, problem.leftover_share, slice(-len(forms), None)
+    skin = problem.family.skin(solved.calibration, solved.effects)
+    wrong, readings = signal.residual(skin), signal.readings(skin)
+    cells = problem.cells[signal.rows]
+    for cell in np.unique(cells):
+        mine = cells == cell
+        moved = np.stack([signal.beyond_networks(form, readings[mine]) for form in forms], axis=-1)
+        flat = moved.reshape(-1, len(forms)) / problem.evidence.leftover_noise_v
+        curved = hessian[cell]
+        gradient[cell, where] += share * (flat.T @ wrong[mine].ravel())
+        curved[where, where] += share * (flat.T @ flat)
+        if problem.last_leftover is not None:
+            which, own = problem.last_leftover
+            cross = flat.T @ own.reshape(*wrong.shape, -1)[mine].reshape(len(flat), -1)
+            curved[where, which] += share * cross
+            curved[which, where] += share * cross.T
 
 
 def _newton(gradient: Array, hessian: Array) -> Array:

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ertskin.diagnosis.fit.joint_fit import Solved, VoltageProblem
-from ertskin.diagnosis.search.first_order_gain import held_out_gain, with_columns
+from ertskin.diagnosis.search.first_order_gain import add_leftover, held_out_gain, with_columns
 from ertskin.physics.effects.effect import AcquisitionEffect, Effect
 
 Array = NDArray[np.float64]
@@ -53,7 +53,8 @@ def form_error(
         return FormError()
     current = problem.at_hand(solved)
     known = with_columns(problem, current, _columns(problem, current, forms), current.scan_residual)
-    _add_leftover(problem, current, forms, known)
+    if problem.last_leftover is not None:
+        add_leftover(problem, current, forms, *known)
     found = [FormError()]
     for spread in SPREADS:
         prior = np.concatenate([current.fit.prior.diagonal(), np.full(len(forms), spread**-2)])
@@ -65,11 +66,12 @@ def form_error(
 def _other_forms(problem: VoltageProblem, effects: Sequence[Effect]) -> tuple[AcquisitionEffect, ...]:
     """Every form in which the instrument may show the same, each as large as the first effect of its name."""
     instrument = {effect.name: effect for effect in reversed(effects) if isinstance(effect, AcquisitionEffect)}
+    largest_v = problem.acquisition.largest_v
     found = []
     for effect in instrument.values():
         for start in type(effect).reading_starts(problem.evidence.sensor, problem.evidence.protocol):
             size = {key: abs(getattr(effect, key)) or getattr(start.effect, key) for key in start.along}
-            found.append(cast(AcquisitionEffect, start.effect.changed(size)))
+            found.append(cast(AcquisitionEffect, start.effect.changed(size)).scaled_to(largest_v))
     return tuple(found)
 
 
@@ -78,29 +80,6 @@ def _columns(problem: VoltageProblem, solved: Solved, forms: Sequence[Acquisitio
     scans = problem.linear.scans(problem.family.skin(solved.calibration, solved.effects))
     found = np.zeros((*scans.shape, len(forms)))
     for k, form in enumerate(forms):
-        matrix, offset = problem.acquisition.on_scans(form)
-        found[..., k] = scans @ matrix.T + offset - scans
+        found[..., k] = problem.acquisition.distorted(scans, (form,)) - scans
     moved = np.where(problem.weight[:, None, None] > 0, found / problem.evidence.noise_v, 0.0)
     return problem.evidence.discounted(moved)
-
-
-def _add_leftover(
-    problem: VoltageProblem, solved: Solved, forms: Sequence[AcquisitionEffect], known: tuple[Array, Array]
-) -> None:
-    """Count what no network explains in the gradient and Hessian, whose last numbers are those of the ``forms``."""
-    if problem.last_leftover is None:
-        return
-    (gradient, hessian), signal, share = known, problem.acquisition, problem.leftover_share
-    (which, own), where = problem.last_leftover, slice(-len(forms), None)
-    skin = problem.family.skin(solved.calibration, solved.effects)
-    wrong, readings = signal.residual(skin), signal.readings(skin)
-    cells = problem.cells[signal.rows]
-    for cell in np.unique(cells):
-        mine = cells == cell
-        moved = np.stack([signal.beyond_networks(form, readings[mine]) for form in forms], axis=-1)
-        flat = moved.reshape(-1, len(forms)) / problem.evidence.leftover_noise_v
-        curved, cross = hessian[cell], flat.T @ own.reshape(*wrong.shape, -1)[mine].reshape(len(flat), -1)
-        gradient[cell, where] += share * (flat.T @ wrong[mine].ravel())
-        curved[where, where] += share * (flat.T @ flat)
-        curved[where, which] += share * cross
-        curved[which, where] += share * cross.T

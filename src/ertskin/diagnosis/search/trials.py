@@ -72,14 +72,19 @@ def _worth_trying(
     ``least`` wouldn't be named, and doesn't keep the others from their turn. More of one whose name is ``present``
     comes last: it is what the form error of that one already holds against every other name.
     """
-    instrument = [c for c in found if shown_by(c.term.effect, Signal.NONRECIPROCAL) and c.gain > least]
-    others = [c for c in found if not shown_by(c.term.effect, Signal.NONRECIPROCAL)]
+    instrument = [c for c in found if c.beyond > least]
+    others = [c for c in found if c.beyond <= least and (c.gain > least or not _of_instrument(c.term))]
     new, more = ([c for c in instrument if (c.name in present) is known] for known in (False, True))
     return [
         [c for c in alike if c.gain > max(criteria.significant_gain, WORTH_TRYING * alike[0].gain)]
         for alike in (new, others, more)
         if alike
     ]
+
+
+def _of_instrument(term: Term) -> bool:
+    """Whether what no resistor network explains shows the term."""
+    return shown_by(term.effect, Signal.NONRECIPROCAL)
 
 
 def _in_order(trials: Sequence[Trial], current: Solved) -> list[Trial]:
@@ -111,7 +116,7 @@ def _try(
 ) -> list[Trial]:
     """Each candidate fitted for good, beside a form error of the terms at hand that gains ``left`` without it."""
     results = []
-    instrument = any(shown_by(c.term.effect, Signal.NONRECIPROCAL) for c in candidates)
+    instrument = any(_of_instrument(c.term) for c in candidates)
     plain = problem.solve(current.terms, current.calibration, steps=1, leftover=True) if instrument else current
 
     def trial(solved: Solved) -> Trial:

@@ -6,6 +6,7 @@ import pytest
 from ertskin.diagnosis.contract.claims import QUANTILE, Claim, Estimate
 from ertskin.diagnosis.judge.quantities import Spread, field_map, quantities, standard_of, stated
 from ertskin.hardware.virtual.bench.nominal import nominal_sensor
+from ertskin.physics.effects.adc_saturation import AdcSaturation
 from ertskin.physics.effects.piezo_hysteresis import PiezoHysteresis
 from ertskin.physics.effects.piezo_inhomogeneity import PiezoInhomogeneity
 from ertskin.physics.effects.sheet_anisotropy import SheetAnisotropy
@@ -47,6 +48,13 @@ def test_a_claim_states_its_map_in_the_sheet() -> None:
     assert said["quantities"]["log_spread"]["low"] < said["quantities"]["log_spread"]["high"]
     assert claim.plain()["map"] is None
     assert field_map(PiezoHysteresis(width=0.1), SENSOR) is None
+
+
+def test_a_limit_that_was_read_off_is_stated_in_volt() -> None:
+    claim = Claim(AdcSaturation(limit_v=4.0), 0.97, 1.3, {"limit_v": Estimate(4.0, 3.99, 4.01, "V")})
+    said = stated(claim, STANDARD, Spread.of(claim.parameters), SENSOR).plain()
+    assert said["quantities"]["limit_v"]["value"] == 4.0
+    assert said["quantities"]["limit_v"]["unit"] == "V"
 
 
 def test_the_standard_is_the_recordings() -> None:

@@ -106,8 +106,7 @@ def test_an_effect_changes_both_alike(skin: Skin, linear: LinearSkin, effect: Ef
 
 
 def test_every_effect_that_is_searched_for_was_looked_at() -> None:
-    unseen = [kind for kind in effect_classes().values() if not examples(kind)]
-    assert [kind.hypothesis.measured for kind in unseen] == [Measured.READING_LIMIT]
+    assert not [kind.name for kind in effect_classes().values() if not examples(kind)]
 
 
 @dataclass(frozen=True)

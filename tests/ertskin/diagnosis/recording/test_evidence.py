@@ -9,10 +9,12 @@ from ertskin.diagnosis.recording.evidence import (
     _bent_at_top,
     _bent_from,
     _channels_restored,
+    _compressed,
     _freedom,
     _leftover_noise_v,
     _presses_restored,
     _saturation,
+    _scans,
 )
 from ertskin.physics.protocol import Protocol, electrode_pairs
 from ertskin.physics.spikes import despiked
@@ -72,6 +74,37 @@ def test_a_converter_that_bends_is_seen_and_a_straight_one_is_not(protocol: Prot
     bent = np.where(voltage > knee, knee + 0.2 * (voltage - knee), voltage)
     _, fitted, spike = split(protocol, bent)
     assert _bent_at_top(bent, fitted, spike)
+
+
+def test_what_is_compressed_softly_is_neither_spike_nor_limit(protocol: Protocol) -> None:
+    voltage, rest = readings(protocol, 4), np.arange(FRAMES) < 3
+    largest = float(voltage.max())
+    soft = largest / 0.3 * np.tanh(0.3 * voltage / largest)
+    assert despiked(protocol, soft)[1].sum() > 100
+    scan, spike, bent = _scans(protocol, soft, rest, saturated=False)
+    assert not spike.any()
+    assert not bent
+    np.testing.assert_allclose(scan, soft.reshape(FRAMES, -1) @ protocol.orthonormal, atol=1e-9)
+
+
+def test_a_spike_on_a_compressed_reading_stays_one(protocol: Protocol) -> None:
+    voltage, rest = readings(protocol, 4), np.arange(FRAMES) < 3
+    largest = float(voltage.max())
+    soft = largest / 0.3 * np.tanh(0.3 * np.repeat(voltage, 5, axis=0) / largest)
+    soft[20, 100, 7] -= 1.0
+    _, spike, _ = _scans(protocol, soft, np.repeat(rest, 5), saturated=False)
+    assert np.argwhere(spike).tolist() == [[20, 100, 7]]
+
+
+def test_neither_a_limit_nor_a_channel_s_gain_is_a_compression(protocol: Protocol) -> None:
+    voltage, rest = readings(protocol, 4), np.arange(FRAMES) < 3
+    knee = float(np.quantile(voltage, 0.999))
+    limited = np.minimum(voltage, knee + 0.5 * NOISE_V * np.random.default_rng(0).random(voltage.shape))
+    low = voltage.copy()
+    low[..., 5] *= 0.97
+    for wrong in (voltage, limited, low):
+        _, fitted, spike = split(protocol, wrong)
+        assert not _compressed(wrong, fitted, spike, rest)
 
 
 def test_what_only_presses_show_is_no_spike(protocol: Protocol) -> None:
