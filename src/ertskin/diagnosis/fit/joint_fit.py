@@ -369,14 +369,14 @@ class VoltageProblem:
                 rows = patch.rows[patch.state_of == k]
                 result[rows] = state.contact * per_logarithm[rows, None]
         # in single precision, as the fit keeps them
-        return cast(Array, self._through(skin, result))
+        return cast(Array, result)
 
     def _through(self, skin: Skin, columns: Array) -> Array:
         """Columns (T,P,n) of scans as the instrument makes them."""
         through = self.acquisition.on_columns(skin)
         if through is None:
             return columns
-        return np.asarray(np.einsum("pq,tqk->tpk", through.astype(columns.dtype), columns, optimize=True))
+        return np.asarray(np.einsum("pq,tqk->tpk", through, columns, optimize=True))
 
 
 @dataclass(frozen=True)
