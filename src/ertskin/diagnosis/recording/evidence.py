@@ -30,10 +30,10 @@ LEAST_SIGNAL = 5.0
 """Times the noise that the resting scan's numbers must have."""
 FEWEST_RESTS = 4
 ALIKE, OFTEN = 3.0, 0.05
-"""Times what a reading is usually off by, and part of the frames, up to which a reading taken for a spike may be one."""
+"""Up to which a reading taken for a spike may be one: times what it is usually off by, and part of the frames."""
 FEWEST_SHORT, LARGE, FLAT = 5, 0.1, 0.2
-"""A converter that bends softly: fewest readings short in most rest frames, part of the readings, the largest, among
-which they lie, and least part by which they differ of what they should differ by."""
+"""A converter that bends softly: fewest readings short in most rest frames, part of the readings, the largest,
+among which they lie, and least part by which they differ of what they should differ by."""
 LEAST_FREEDOM = 0.05
 """Readings that a network follows more closely than this say nothing about the noise."""
 
