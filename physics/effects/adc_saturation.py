@@ -13,6 +13,10 @@ from ertskin.physics.effects.standard import Standard
 from ertskin.physics.protocol import Protocol
 from ertskin.physics.sensor import Sensor
 
+MOST_SHORT = 0.99
+"""Most of what is beyond the straight part by which a reading of the level may fall short."""
+KNEES = 0.5, 0.75
+"""Parts of the level from which on readings may be bent alone."""
 SHARPNESSES = 2.0, 5.0, 15.0
 """Where fits begin: the cubic curve of a symmetric stage that is overdriven a little, a bend, a knee."""
 
@@ -22,7 +26,8 @@ class AdcSaturation(AcquisitionEffect):
     """A reading v becomes v (1 + q |v/L|^n)^(-1/n), then stays between ``lowest_v`` and ``limit_v``.
 
     n is the ``sharpness``, L the ``level_v``, q such that a reading of L falls short by its part ``compression``: small
-    ones fall short by the part q |v/L|^n / n, the largest approach L q^(-1/n). ``level_v`` isn't fitted.
+    ones fall short by the part q |v/L|^n / n, the largest approach L q^(-1/n). ``level_v`` isn't fitted. What is within
+    the part ``straight_share`` of L stays as it is, and v and L count from there.
     """
 
     name: ClassVar[str] = "adc_saturation"
@@ -40,7 +45,10 @@ class AdcSaturation(AcquisitionEffect):
     lowest_v: float = float("-inf")
     compression: float = parameter("1", 0.0, 0.9, 0.0, 0.01, "part by which a reading of level_v falls short")
     sharpness: float = parameter(
-        "1", 2.0, 60.0, 2.0, 1.0, "power of the reading with which that part grows", defining=False
+        "1", 1.0, 60.0, 2.0, 1.0, "power of the reading with which that part grows", defining=False
+    )
+    straight_share: float = parameter(
+        "1", 0.0, 0.95, 0.0, 0.1, "part of level_v up to which readings are straight", defining=False
     )
     level_v: float = 1.0
 
@@ -50,20 +58,25 @@ class AdcSaturation(AcquisitionEffect):
     @property
     def _bend(self) -> float:
         """q of the class's formula."""
-        return float(np.expm1(-self.sharpness * np.log1p(-self.compression)))
+        short = min(self.compression / (1 - self.straight_share), MOST_SHORT)
+        return float(np.expm1(-self.sharpness * np.log1p(-short)))
 
     def _compressed(self, voltage_v: Array) -> Array:
         if self.compression == 0:
             return voltage_v
-        part = self._bend * np.abs(voltage_v / self.level_v) ** self.sharpness
-        return np.asarray(voltage_v * np.exp(-np.log1p(part) / self.sharpness))
+        straight_v, size_v = self.straight_share * self.level_v, np.abs(voltage_v)
+        beyond_v = np.maximum(size_v - straight_v, 0.0)
+        part = self._bend * (beyond_v / (self.level_v - straight_v)) ** self.sharpness
+        lost_v = beyond_v * -np.expm1(-np.log1p(part) / self.sharpness)
+        return np.asarray(voltage_v - np.copysign(lost_v, voltage_v))
 
     @property
     def approached_v(self) -> float:
         """What no reading exceeds, in volt."""
         if self.compression == 0:
             return self.limit_v
-        return min(self.limit_v, self.level_v * self._bend ** (-1 / self.sharpness))
+        straight_v = self.straight_share * self.level_v
+        return min(self.limit_v, straight_v + (self.level_v - straight_v) * self._bend ** (-1 / self.sharpness))
 
     def scaled_to(self, largest_v: float) -> Self:
         return self.changed({"level_v": largest_v})
@@ -76,3 +89,10 @@ class AdcSaturation(AcquisitionEffect):
     def reading_starts(cls, sensor: Sensor, protocol: Protocol) -> tuple[Start, ...]:
         both = ("compression", "sharpness")
         return tuple(Start(cls(compression=0.01, sharpness=one), both, both[:1]) for one in SHARPNESSES)
+
+    def freer(self, free: tuple[str, ...]) -> tuple[Start, ...]:
+        """With a straight part below the bend, which is rounder then."""
+        if "straight_share" in free:
+            return ()
+        rounder = ({"straight_share": knee, "sharpness": 2.0} for knee in KNEES)
+        return tuple(Start(self.changed(form), (*free, "straight_share")) for form in rounder)
