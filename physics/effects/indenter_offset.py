@@ -12,13 +12,22 @@ from ertskin.physics.effects.hypothesis import Axis, Hypothesis, Measured, Need,
 from ertskin.physics.protocol import Protocol
 from ertskin.physics.sensor import Sensor
 
+RIGID = ("dx_m", "dy_m", "rotation_rad")
+
 
 @dataclass(frozen=True)
 class IndenterOffset(PlacementEffect):
-    """The indenter lands shifted by (dx, dy) and turned by ``rotation_rad`` about the sheet's middle."""
+    """The indenter lands shifted by (dx, dy) and turned by ``rotation_rad`` about the sheet's middle.
+
+    A stage's axes need not be square nor its steps as long as commanded: x is stretched by ``stretch_x``, y by
+    ``stretch_y``, and x goes with y by ``skew_rad``, about the sheet's middle and before the turn.
+    """
 
     name: ClassVar[str] = "indenter_offset"
-    source: ClassVar[str] = "Rigid motion of one frame against the other"
+    source: ClassVar[str] = (
+        "Rigid motion of one frame against the other; squareness and lead errors of an XY stage, Schwenke and others, "
+        "CIRP Annals 57 (2008) 660"
+    )
     hypothesis: ClassVar[Hypothesis] = Hypothesis(
         (Axis.PLACE,), (Signal.READINGS,), (Need.PRESSES,), measured=Measured.LANDING
     )
@@ -26,13 +35,21 @@ class IndenterOffset(PlacementEffect):
     dx_m: float = parameter("m", -0.01, 0.01, 0.0, 2e-4, "shift along x")
     dy_m: float = parameter("m", -0.01, 0.01, 0.0, 2e-4, "shift along y")
     rotation_rad: float = parameter("rad", -0.2, 0.2, 0.0, 2e-3, "turn about the sheet's middle")
+    stretch_x: float = parameter("1", -0.1, 0.1, 0.0, 5e-3, "lead error of the x axis")
+    stretch_y: float = parameter("1", -0.1, 0.1, 0.0, 5e-3, "lead error of the y axis")
+    skew_rad: float = parameter("rad", -0.2, 0.2, 0.0, 2e-3, "how far the y axis leans towards x")
 
     def contact_m(self, commanded_m: Array, center_m: Array) -> Array:
         c, s = np.cos(self.rotation_rad), np.sin(self.rotation_rad)
-        turned = (commanded_m - center_m) @ np.array([[c, s], [-s, c]])
+        axes = np.array([[1 + self.stretch_x, 0.0], [self.skew_rad, 1 + self.stretch_y]])
+        turned = (commanded_m - center_m) @ axes @ np.array([[c, s], [-s, c]])
         return turned + center_m + np.array([self.dx_m, self.dy_m])
 
     @classmethod
     def reading_starts(cls, sensor: Sensor, protocol: Protocol) -> tuple[Start, ...]:
-        every = tuple(cls.parameters())
-        return (Start(cls(), every, every),)
+        return (Start(cls(), RIGID, RIGID),)
+
+    def freer(self, free: tuple[str, ...]) -> tuple[Start, ...]:
+        """A stage whose axes are neither square nor to scale."""
+        every = tuple(self.parameters())
+        return () if set(every) <= set(free) else (Start(self, every),)

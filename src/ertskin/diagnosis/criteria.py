@@ -61,11 +61,11 @@ class Criteria:
         "gains 8.7",
         least=1,
     )
-    specimen_form_share: float = criterion(
+    second_share: float = criterion(
         0.1,
         "share of a gain",
-        "part of the first effect's gain that a second one must reach in the specimen: less may be owed to the first "
-        "one's form",
+        "part of the first effect's gain that a further one must reach in the specimen, or in force over depth: less "
+        "may be owed to the first one's form",
         "creep in another form left the specimen of a skin of seed 2 a small loop of hysteresis (c027: both right with "
         "it, no loop)",
         least=0,

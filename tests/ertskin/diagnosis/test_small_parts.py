@@ -153,12 +153,22 @@ def test_force_stage_names_what_the_load_cell_shows(hidden) -> None:
     force = foam_force_n(history, 1800.0, 9000.0, 0.004, hidden)
     force = force + 0.01 * np.random.default_rng(3).standard_normal(force.shape)
     data = ForceData(replace(history, force_n=force), 0.01, 9000.0, 1e-3, 0.004)
-    plain, best = select_force_effects(data, history.press % 3, 10.0)
+    plain, best = select_force_effects(data, history.press % 3, 10.0, 0.1)
     assert tuple(e.name for e in best.effects) == tuple(e.name for e in hidden)
     for found, true in zip(best.effects, hidden, strict=True):
         key = next(iter(true.parameters()))
         assert getattr(found, key) == pytest.approx(getattr(true, key), rel=0.1)
     assert best.chi_square <= plain.chi_square
+
+
+def test_what_an_effects_form_leaves_gets_no_name() -> None:
+    history = strokes(9)
+    force = foam_force_n(history, 1800.0, 9000.0, 0.004, (ViscoelasticFoam(0.06, 0.6), ViscoelasticFoam(0.06, 60.0)))
+    force = force + 0.01 * np.random.default_rng(3).standard_normal(force.shape)
+    data = ForceData(replace(history, force_n=force), 0.01, 9000.0, 1e-3, 0.004)
+    (_, anything), (_, best) = (select_force_effects(data, history.press % 3, 10.0, share) for share in (0.0, 0.1))
+    assert [effect.name for effect in best.effects] == ["viscoelastic_foam"]
+    assert len(anything.effects) == 2
 
 
 @pytest.mark.parametrize("loss", [0.005, 0.02])

@@ -117,17 +117,20 @@ def _stiffness_n_per_m(data: ForceData, used: NDArray[np.bool_]) -> float:
     return float(1.0 / max(1.0 / both - 1.0 / data.support_n_per_m, 1e-6))
 
 
-def select_force_effects(data: ForceData, folds: NDArray[np.intp], threshold: float) -> tuple[ForceFit, ForceFit]:
+def select_force_effects(
+    data: ForceData, folds: NDArray[np.intp], threshold: float, second_share: float
+) -> tuple[ForceFit, ForceFit]:
     """Forward and backward selection by held-out likelihood over the folds (T,) of frames.
 
     Returns the fits without and with the effects chosen. One enters, and stays, while its gain held out, in half
-    chi-square, exceeds ``threshold``.
+    chi-square, exceeds ``threshold`` and ``second_share`` of the largest: less may be owed to that one's form.
     """
     base = fit_force(data, ())
     every = force_starts()
     chosen: list[FoamEffect] = []
     best = base
     score = _held_out(data, chosen, folds, base)
+    least = threshold
     while len(chosen) < len(every):
         gains: dict[str, tuple[float, ForceFit]] = {}
         for name, starts in every.items():
@@ -140,15 +143,15 @@ def select_force_effects(data: ForceData, folds: NDArray[np.intp], threshold: fl
                 continue
             gains[name] = (score - _held_out(data, fit.effects, folds, fit), fit)
         name, (gain, fit) = max(gains.items(), key=lambda item: item[1][0])
-        if gain < threshold:
+        if gain < least:
             break
         chosen = list(fit.effects)
-        best, score = fit, score - gain
+        best, score, least = fit, score - gain, max(least, second_share * gain)
     for effect in list(chosen):
         rest = [e for e in best.effects if e.name != effect.name]
         without = fit_force(data, rest, start=best)
         loss = _held_out(data, without.effects, folds, without) - score
-        if loss < threshold:
+        if loss < least:
             best, score = without, score + loss
     return base, best
 

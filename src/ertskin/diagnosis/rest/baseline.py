@@ -130,8 +130,8 @@ def _force_stage(
     if data.used.sum() < 20:
         return None, None
     folds = np.unique(evidence.history.press, return_inverse=True)[1] % 3
-    plain, best = select_force_effects(data, folds, evidence.criteria.significant_force_gain)
-    return plain, best
+    criteria = evidence.criteria
+    return select_force_effects(data, folds, criteria.significant_force_gain, criteria.second_share)
 
 
 def _driving_force(evidence: Evidence, best: ForceFit | None) -> Array:

@@ -27,6 +27,8 @@ REMEMBERED = 3
 """Places, pressed before a rest frame, that may not have recovered yet."""
 LEFT, ALONE = 0.2, 0.3
 """Parts of what changes between rest frames: left by all restless contacts, explained by one."""
+FEW_OF = 4
+"""Of so many contacts one, at least, makes few of them."""
 COLOURED = 0.05
 """Excess of the rest frames' scatter over the readings' noise that is taken for coloured noise."""
 ALONG = 0.8
@@ -301,8 +303,9 @@ def wandering(change: Array, designs: Sequence[Array], taken: Sequence[int], res
     """Which of the ``restless`` contacts explain the rest frames' changes (R,P), in units of the noise.
 
     ``designs`` (R of (P,L+1)): each contact's column and, last, the whole sheet's; ``taken`` degrees of freedom gone
-    before. All of them where together they leave little; else something other than contacts changed, which many of
-    them would share out among themselves, and only those count that explain much alone.
+    before. All of them where together they leave no more than chance would, or few of them little; else something other
+    than contacts changed, which many of them would share out among themselves, and only those count that explain much
+    alone.
     """
 
     def excess(chosen: list[int]) -> float:
@@ -315,9 +318,12 @@ def wandering(change: Array, designs: Sequence[Array], taken: Sequence[int], res
     before = excess([])
     if not restless or before <= 0:
         return []
-    if excess(restless) < LEFT * before:
+    alone = {k: before - excess([k]) for k in restless}
+    chance = SURELY * np.sqrt(2 * (change.size - sum(taken)))
+    few = sorted(restless, key=lambda k: -alone[k])[: max(1, (designs[0].shape[1] - 1) // FEW_OF)]
+    if excess(restless) < min(chance, LEFT * before) or excess(few) < LEFT * before:
         return restless
-    return [k for k in restless if before - excess([k]) > ALONE * before]
+    return [k for k in restless if alone[k] > ALONE * before]
 
 
 def _by_run(path: Array, error: Array, run: NDArray[np.intp]) -> tuple[Array, Array]:

@@ -73,7 +73,7 @@ def specimen_findings(test: SpecimenTest, criteria: Criteria) -> tuple[list[Spec
         fits = [_fitted(test, [*terms, start]) for start in starts if start[0].name not in taken]
         gains = [_gain(residual, left) for _, left in fits]
         best = int(np.argmax(gains))
-        least = max(criteria.significant_gain, criteria.specimen_form_share * largest)
+        least = max(criteria.significant_gain, criteria.second_share * largest)
         if gains[best] < least or _rms(residual) < criteria.material_ratio * _rms(fits[best][1]):
             break
         largest = max(largest, gains[best])

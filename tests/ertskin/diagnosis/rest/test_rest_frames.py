@@ -50,6 +50,19 @@ def test_contacts_that_wander_are_told_from_places_that_creep() -> None:
     assert who(creeping, columns, traces) == []
 
 
+def test_many_contacts_that_explain_most_but_not_all_did_not_wander() -> None:
+    rng = np.random.default_rng(2)
+    columns, traces = columns_and_traces(rng)
+    along = columns[:, :CONTACTS] @ rng.standard_normal((CONTACTS, FRAMES))
+    beyond = 0.2 * np.linalg.norm(along) / np.sqrt(along.size) * rng.standard_normal((NUMBERS, 1))
+    something = along + beyond * rng.standard_normal(FRAMES)
+    noise = rng.standard_normal((FRAMES, NUMBERS))
+    assert who(noise + 2 * along.T, columns, traces) == list(range(CONTACTS))
+    assert who(noise + 2 * something.T, columns, traces) == []
+    few = columns[:, :2] @ rng.standard_normal((2, FRAMES))
+    assert {0, 1} <= set(who(noise + 5 * (few + beyond * rng.standard_normal(FRAMES)).T, columns, traces))
+
+
 def test_one_loose_contact_is_found_beside_something_else() -> None:
     rng = np.random.default_rng(1)
     columns, traces = columns_and_traces(rng)
