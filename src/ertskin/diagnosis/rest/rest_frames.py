@@ -303,9 +303,9 @@ def wandering(change: Array, designs: Sequence[Array], taken: Sequence[int], res
     """Which of the ``restless`` contacts explain the rest frames' changes (R,P), in units of the noise.
 
     ``designs`` (R of (P,L+1)): each contact's column and, last, the whole sheet's; ``taken`` degrees of freedom gone
-    before. All of them where together they leave no more than chance would, or few of them little; else something other
-    than contacts changed, which many of them would share out among themselves, and only those count that explain much
-    alone.
+    before. All of them where together they leave no more than chance would, few where those leave little; else
+    something other than contacts changed, which many of them would share out among themselves, and only those count
+    that explain much alone.
     """
 
     def excess(chosen: list[int]) -> float:
@@ -321,8 +321,10 @@ def wandering(change: Array, designs: Sequence[Array], taken: Sequence[int], res
     alone = {k: before - excess([k]) for k in restless}
     chance = SURELY * np.sqrt(2 * (change.size - sum(taken)))
     few = sorted(restless, key=lambda k: -alone[k])[: max(1, (designs[0].shape[1] - 1) // FEW_OF)]
-    if excess(restless) < min(chance, LEFT * before) or excess(few) < LEFT * before:
+    if excess(restless) < min(chance, LEFT * before):
         return restless
+    if excess(few) < LEFT * before:
+        return sorted(few)
     return [k for k in restless if alone[k] > ALONE * before]
 
 

@@ -363,13 +363,12 @@ def _backward(
         chosen, dropped = [], None
         for k in range(fixed, len(current.terms)):
             rest = [t for i, t in enumerate(current.terms) if i != k]
-            begun = [(rest, current.calibration)]
+            without = problem.solve(rest, current.calibration, steps=5, leftover=instrument)
+            loss = gained(without, current, partitions, problem.evidence.criteria)
             if (earlier := entered.get(_key(current.terms[k]))) is not None and _same_names(earlier.terms, rest):
-                # Beside it another may have given up what it explains by itself, and find no way back from there.
-                begun.append((earlier.terms, earlier.calibration))
-            fits = [problem.solve(*start, steps=5, leftover=instrument) for start in begun]
-            losses = [gained(fit, current, partitions, problem.evidence.criteria) for fit in fits]
-            loss, without = min(zip(losses, fits, strict=True), key=lambda pair: pair[0])
+                # Beside it another may have given up what it explains by itself, and find no way back from here.
+                begun = gained(earlier, current, partitions, problem.evidence.criteria)
+                loss, without = min((loss, without), (begun, earlier), key=lambda pair: pair[0])
             least = worth_a_name(problem, current)
             if loss < least and (dropped is None or loss < dropped[0]):
                 dropped = (loss, without)
