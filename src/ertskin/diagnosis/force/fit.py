@@ -123,14 +123,14 @@ def select_force_effects(
     """Forward and backward selection by held-out likelihood over the folds (T,) of frames.
 
     Returns the fits without and with the effects chosen. One enters, and stays, while its gain held out, in half
-    chi-square, exceeds ``threshold`` and ``second_share`` of the largest: less may be owed to that one's form.
+    chi-square, exceeds ``threshold``, and stays while what is lost without it also exceeds ``second_share`` of what the
+    most important one is worth: less may be owed to that one's form.
     """
     base = fit_force(data, ())
     every = force_starts()
     chosen: list[FoamEffect] = []
     best = base
     score = _held_out(data, chosen, folds, base)
-    least = threshold
     while len(chosen) < len(every):
         gains: dict[str, tuple[float, ForceFit]] = {}
         for name, starts in every.items():
@@ -143,17 +143,26 @@ def select_force_effects(
                 continue
             gains[name] = (score - _held_out(data, fit.effects, folds, fit), fit)
         name, (gain, fit) = max(gains.items(), key=lambda item: item[1][0])
-        if gain < least:
+        if gain < threshold:
             break
         chosen = list(fit.effects)
-        best, score, least = fit, score - gain, max(least, second_share * gain)
-    for effect in list(chosen):
-        rest = [e for e in best.effects if e.name != effect.name]
-        without = fit_force(data, rest, start=best)
-        loss = _held_out(data, without.effects, folds, without) - score
-        if loss < least:
-            best, score = without, score + loss
-    return base, best
+        best, score = fit, score - gain
+    return base, _without_the_small(data, best, score, folds, (threshold, second_share))
+
+
+def _without_the_small(
+    data: ForceData, best: ForceFit, score: float, folds: NDArray[np.intp], least: tuple[float, float]
+) -> ForceFit:
+    """The fit without effects that are worth less than ``least``, in half chi-square and as a share of the largest."""
+    while best.effects:
+        rests = [[e for e in best.effects if e.name != effect.name] for effect in best.effects]
+        fits = [fit_force(data, rest, start=best) for rest in rests]
+        losses = [_held_out(data, fit.effects, folds, fit) - score for fit in fits]
+        k = int(np.argmin(losses))
+        if losses[k] >= max(least[0], least[1] * max(losses)):
+            break
+        best, score = fits[k], score + losses[k]
+    return best
 
 
 def _held_out(data: ForceData, effects: Sequence[FoamEffect], folds: NDArray[np.intp], start: ForceFit) -> float:

@@ -64,7 +64,8 @@ class Case:
     @property
     def instrument_off(self) -> bool:
         """Whether more is left than any network and the instrument's named effects explain."""
-        return self.leftover > self.criteria.mismatch_ratio
+        surely = 1 + self.criteria.clear_errors * self.evidence.leftover_error
+        return self.leftover > self.criteria.mismatch_ratio * surely
 
     @property
     def repeating(self) -> tuple[int, ...]:

@@ -34,6 +34,8 @@ ALIKE, OFTEN = 3.0, 0.05
 FEWEST_SHORT, LARGE, FLAT = 5, 0.1, 0.2
 """A converter that bends softly: fewest readings short in most rest frames, part of the readings, the largest,
 among which they lie, and least part by which they differ of what they should differ by."""
+FARTHEST_ERRORS = 4.0
+"""Standard deviations of chance, beyond which a change between rest frames is an outlier."""
 LEAST_FREEDOM = 0.05
 """Readings that a network follows more closely than this say nothing about the noise."""
 
@@ -49,7 +51,8 @@ class Evidence:
     ``scan_v`` (T,P) whitened scans, spikes left out; ``leftover_v`` (T,K,M) what no resistor network gives, zero at
     spikes; ``leftover_noise_v`` noise of a reading by what no network explains,
     ``noise_v`` the same of a whitened scan's numbers: equal unless the noise is coloured; ``air_n`` of the load cell;
-    ``leftover_share`` part of white noise's variance that no network explains, over the readings there are.
+    ``leftover_share`` part of white noise's variance that no network explains, over the readings there are;
+    ``leftover_error`` standard error of the noise by what no network explains, over itself.
     ``repeats`` (M,) number of frames in which a channel repeats its last readings, which are left out there.
     ``stray`` (P,k): directions, one standard deviation long in units of the noise, in which rest frames scatter more;
     ``traces`` (T,P,m): orthonormal directions, or noughts, that say nothing: places pressed before and not recovered.
@@ -70,6 +73,7 @@ class Evidence:
     leftover_share: float
     repeats: NDArray[np.intp]
     criteria: Criteria = DEFAULT
+    leftover_error: float = 0.0
 
     def frames(self, rows: NDArray[np.intp]) -> Evidence:
         """The evidence of some frames."""
@@ -131,8 +135,7 @@ def gather(recording: Recording, criteria: Criteria = DEFAULT) -> Evidence:
     freedom = _freedom(protocol, np.isfinite(voltage).mean(axis=0) > 0.5)
     noise_v = _noise_v(protocol, scan, leftover / np.sqrt(np.maximum(freedom, LEAST_FREEDOM)), spike, rest)
     scan[~told | (spike[:, protocol.taken].mean(axis=1) >= 0.5)] = np.nan
-    resting = np.nanmean(scan[rest], axis=0)
-    if not np.sqrt((resting**2).mean()) > LEAST_SIGNAL * noise_v:
+    if not np.sqrt((np.nanmean(scan[rest], axis=0) ** 2).mean()) > LEAST_SIGNAL * noise_v:
         raise CannotTell("the readings at rest are hardly more than noise: check wiring, injected currents and units")
     force = history.force_n[rest]
     quantised_v = max(noise_v, (protocol.adc_volts_per_count or 0.0) / np.sqrt(12))
@@ -148,9 +151,10 @@ def gather(recording: Recording, criteria: Criteria = DEFAULT) -> Evidence:
         limit,
         np.zeros((scan.shape[1], 0)),
         np.zeros((*scan.shape, 0)),
-        float(freedom[freedom > LEAST_FREEDOM].mean()) if (freedom > LEAST_FREEDOM).any() else 1.0,
+        _leftover_share(freedom),
         repeats.sum(axis=0),
         criteria,
+        _noise_error(int(rest.sum()), float(freedom.sum())),
     )
 
 
@@ -351,8 +355,24 @@ def _leftover_noise_v(leftover: Array, spike: NDArray[np.bool_], rest: NDArray[n
     if rest.sum() < FEWEST_RESTS:
         return float(robust_std(leftover[~spike]))
     change = np.diff(leftover[rest], axis=0)
-    clean = ~(spike[rest][1:] | spike[rest][:-1])
-    return float(robust_std(change[clean])) / np.sqrt(2)
+    clean = change[~(spike[rest][1:] | spike[rest][:-1])]
+    # As precise as the rms is where few readings are beyond what a network explains, and as deaf to outliers.
+    usual = clean[np.abs(clean) < FARTHEST_ERRORS * robust_std(clean)]
+    return float(np.sqrt(np.mean(np.square(usual, dtype=float)))) / np.sqrt(2) if usual.size else 0.0
+
+
+def _leftover_share(freedom: Array) -> float:
+    """Mean over the readings that say something about the noise; one where there are none."""
+    seen = freedom[freedom > LEAST_FREEDOM]
+    return float(seen.mean()) if seen.size else 1.0
+
+
+def _noise_error(rests: int, freedom: float) -> float:
+    """Relative standard error of white noise by first differences of so many rest frames, in which ``freedom`` numbers
+    each tell of it (J. von Neumann and others, Ann. Math. Stat. 12 (1941) 153)."""
+    if rests < FEWEST_RESTS or freedom <= 0:
+        return 0.0
+    return 0.5 * float(np.sqrt((3 * rests - 4) / ((rests - 1) ** 2 * freedom)))
 
 
 def _step_at_top(finite_v: Array) -> float:

@@ -12,6 +12,7 @@ from ertskin.diagnosis.recording.evidence import (
     _compressed,
     _freedom,
     _leftover_noise_v,
+    _noise_error,
     _presses_restored,
     _saturation,
     _scans,
@@ -179,3 +180,16 @@ def test_a_coarse_converter_that_names_no_step_is_not_saturated(protocol: Protoc
     # Plainly at its limit: where it is coarse, a few steps below the top hold many readings, too.
     limit = float(np.quantile(repeated, 0.3))
     assert _saturation(np.minimum(repeated, limit), protocol) == limit
+
+
+def test_noise_by_few_rest_frames_is_known_as_well_as_it_says() -> None:
+    rng = np.random.default_rng(0)
+    rests, numbers = 13, 104
+    frames = rng.standard_normal((300, rests, numbers))
+    rest, spike = np.ones(rests, dtype=bool), np.zeros((rests, numbers), dtype=bool)
+    found = np.array([_leftover_noise_v(each, spike, rest) for each in frames])
+    assert found.mean() == pytest.approx(1.0, abs=0.005)
+    assert found.std() == pytest.approx(_noise_error(rests, numbers), rel=0.15)
+    frames[:, 5, ::20] = 50.0
+    spoilt = np.array([_leftover_noise_v(each, spike, rest) for each in frames])
+    assert spoilt.mean() == pytest.approx(1.0, abs=0.03)
