@@ -365,7 +365,9 @@ def _backward(
             rest = [t for i, t in enumerate(current.terms) if i != k]
             without = problem.solve(rest, current.calibration, steps=5, leftover=instrument)
             loss = gained(without, current, partitions, problem.evidence.criteria)
-            if (earlier := entered.get(_key(current.terms[k]))) is not None and _same_names(earlier.terms, rest):
+            earlier = entered.get(_key(current.terms[k]))
+            # What no network explains counts only where the instrument is in the fit: others don't compare with it.
+            if earlier is not None and not instrument and _same_names(earlier.terms, rest):
                 # Beside it another may have given up what it explains by itself, and find no way back from here.
                 begun = gained(earlier, current, partitions, problem.evidence.criteria)
                 loss, without = min((loss, without), (begun, earlier), key=lambda pair: pair[0])
