@@ -49,7 +49,9 @@ def latencies(session: Session, recording: Recording, repeats: int) -> tuple[flo
     numbers, resting = count(), cycle(rest_v)
 
     def seen(voltage_v: Array) -> float:
-        return session.see(Scan(SCAN_S * next(numbers), np.asarray(voltage_v, dtype=np.float32))).latency_s
+        frame = session.see(Scan(SCAN_S * next(numbers), np.asarray(voltage_v, dtype=np.float32)))
+        session.rehearse()
+        return frame.latency_s
 
     for _ in range(ZERO_SCANS):
         seen(next(resting))

@@ -80,6 +80,7 @@ def run(config: DictConfig) -> None:
                     print(f"ertskin: {LEFT}", file=sys.stderr)
                 left = frame.left
                 out(message_of(frame, predictor.kind.taxel_m, source.epoch_s, keeper.frames))
+                session.rehearse()
         except InstrumentError as error:
             raise JobFailed(str(error)) from None
 

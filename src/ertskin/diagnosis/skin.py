@@ -30,6 +30,7 @@ from ertskin.diagnosis.search.form_error import form_error
 from ertskin.diagnosis.search.selection import Selection, select
 from ertskin.hardware.recording import Recording
 from ertskin.physics.conduction.mesh import MeshError
+from ertskin.physics.effects.effect import Effect
 from ertskin.physics.effects.hypothesis import Measured
 from ertskin.physics.skin import Skin
 
@@ -138,7 +139,7 @@ def _handing_on(findings: Findings, choose: Callable[[], Selection]) -> Findings
     except (MeshError, np.linalg.LinAlgError):
         said = "all presses can't be fitted together: what is handed on comes from those not held out"
         return replace(findings, diagnosis=_saying(diagnosis, said))
-    limits = tuple(c.effect for c in diagnosis.claims if c.effect.hypothesis.measured == Measured.READING_LIMIT)
+    limits = _measured_limits(findings)
     # Fitted again are also terms too unsure to be claimed; chosen again, what is there stands by itself.
     chosen = findings.selection is None or whole.chosen is not findings.selection.chosen
     claimed = {claim.effect.name for claim in diagnosis.claims}
@@ -146,6 +147,14 @@ def _handing_on(findings: Findings, choose: Callable[[], Selection]) -> Findings
     names = ", ".join(dict.fromkeys(effect.name for effect in effects)) or "no effect"
     said = f"presses are few: handed on is what all of them show together ({names})"
     return replace(findings, whole=whole, diagnosis=replace(_saying(diagnosis, said), of_all_presses=effects))
+
+
+def _measured_limits(findings: Findings) -> tuple[Effect, ...]:
+    """The converter's limit where readings pile up, which no fit holds; one that is fitted is among its terms."""
+    if findings.evidence is None or findings.evidence.saturated_v is None:
+        return ()
+    claims = findings.diagnosis.claims
+    return tuple(c.effect for c in claims if c.effect.hypothesis.measured == Measured.READING_LIMIT)
 
 
 def _saying(diagnosis: Diagnosis, said: str) -> Diagnosis:

@@ -103,12 +103,19 @@ class Session:
         self._times: deque[float] = deque(maxlen=20)
         self._drift: deque[float] = deque(maxlen=5)
         self._held: Held | None = None
+        self._unneeded_v: Array | None = None
         taxels = len(predictor.kind.taxel_m)
         self._nothing = Estimate(np.zeros((1, taxels)), np.zeros((1, taxels), dtype=bool))
 
     def zero(self) -> None:
         """Take the coming scans as untouched; may be asked for from another thread."""
         self._zero_asked = True
+
+    def rehearse(self) -> None:
+        """To be called while the next scan is awaited: keeps a network at hand that the latest may not have needed."""
+        if self._unneeded_v is not None:
+            self._predictor.rehearse(self._unneeded_v)
+            self._unneeded_v = None
 
     def see(self, scan: Scan) -> LiveFrame:
         """What a scan means."""
@@ -132,8 +139,7 @@ class Session:
         novelty, at_rest = watch.judged(seen, estimate)
         estimate, self._held = (self._nothing, None) if at_rest else (estimate, held)
         latency = time.perf_counter() - begin
-        if at_rest or held is not None:
-            self._predictor.rehearse(seen.coordinates_v)
+        self._unneeded_v = seen.coordinates_v if at_rest or held is not None else None
         if not estimate.present.any():
             self._drift.append(float(np.sqrt(max(0.0, seen.surprise * watch.monitor.resting.limit - 1.0))))
         frame = self._frame(scan, estimate, latency)

@@ -19,7 +19,7 @@ from ertskin.data.sources import CALIBRATION, calibration_folder, calibration_pa
 from ertskin.data.touches import touches_of
 from ertskin.diagnosis import skin
 from ertskin.diagnosis.any_recording import diagnose_any
-from ertskin.diagnosis.contract.claims import Diagnosis, HeldOut
+from ertskin.diagnosis.contract.claims import Claim, Diagnosis, HeldOut
 from ertskin.diagnosis.criteria import Criteria
 from ertskin.diagnosis.judge.result import Findings
 from ertskin.diagnosis.output.joint_calibration import joint_calibration, write_joint_calibration
@@ -27,6 +27,7 @@ from ertskin.diagnosis.search.selection import Selection
 from ertskin.hardware.recording import read_recording
 from ertskin.hardware.virtual.bench import FAST, write_bench
 from ertskin.physics.conduction.mesh import MeshError
+from ertskin.physics.effects.adc_saturation import AdcSaturation
 from ertskin.physics.effects.registry import effects_config
 
 pytestmark = pytest.mark.long
@@ -133,6 +134,17 @@ def test_what_is_handed_on_is_chosen_or_fitted_by_how_many_presses_there_are(
     selection = SimpleNamespace(after=SimpleNamespace(effects=("one",) * effects, terms=terms))
     handed = skin._for_simulation(found, None, None, None, selection, None, lambda share, text: None)  # type: ignore[arg-type]
     assert (handed if isinstance(handed, str) else "as found") == way
+
+
+@pytest.mark.parametrize("saturated_v", [None, 2.0])
+def test_a_limit_is_handed_on_once_whether_it_was_fitted_or_measured(saturated_v: float | None) -> None:
+    limit = AdcSaturation(compression=0.1) if saturated_v is None else AdcSaturation(limit_v=saturated_v)
+    claims = (Claim(limit, 0.9, 2.0, {}),)
+    found = Findings(Diagnosis("some.h5", "explained", HeldOut("split", 1e-3, 3.0, 1.0, 0.0), claims=claims))
+    found = replace(found, evidence=SimpleNamespace(saturated_v=saturated_v))  # type: ignore[arg-type]
+    fitted = () if saturated_v is not None else (limit,)
+    whole = SimpleNamespace(chosen=(), after=SimpleNamespace(effects=fitted))
+    assert skin._handing_on(found, lambda: whole).diagnosis.of_all_presses == (limit,)  # type: ignore[arg-type, return-value]
 
 
 def named_and_predicting(found: Diagnosis, name: str) -> None:

@@ -99,8 +99,12 @@ def test_the_network_is_rehearsed_while_nothing_touches() -> None:
     watched = Session(network, 4, watch=watch())  # type: ignore[arg-type]
     for k in range(10):
         watched.see(scan(k, np.zeros(3)))
+        assert network.rehearsed == max(0, k - 4)  # not before the answer is out
+        watched.rehearse()
+        watched.rehearse()
     assert network.rehearsed == 6
     watched.see(scan(10, np.zeros(3), 1.0))
+    watched.rehearse()
     assert network.rehearsed == 6
 
 

@@ -159,7 +159,7 @@ def _without_the_small(
         fits = [fit_force(data, rest, start=best) for rest in rests]
         losses = [_held_out(data, fit.effects, folds, fit) - score for fit in fits]
         k = int(np.argmin(losses))
-        if losses[k] >= max(least[0], least[1] * max(losses)):
+        if not losses[k] < max(least[0], least[1] * max(losses)):
             break
         best, score = fits[k], score + losses[k]
     return best
