@@ -322,7 +322,7 @@ class Search:
         """A reading without contacts may have one that is lighter than they can be."""
         spline, cells, spread, remainder, low, high = self.model
         lighter = low * [1.0, 1.0, LIGHTER]
-        place = self.scan.beside(self.reading, np.empty((0, 3)), 1)[0][0]
+        place = self.scan.with_one_more(self.reading, np.empty((0, 3)), 1)[0][0]
         place[2] = low[2]
         fit = fitted(self.reading, place[None], (spline, cells, spread, remainder, lighter, high))
         self.square = min(self.square, fit.misfit / len(self.reading))
@@ -337,7 +337,7 @@ class Search:
         """``refined`` of the contacts of a fit with the one more that fits best, of so many ``starts``."""
         now, left = (np.empty((0, 3)), self.reading) if fit is None else (fit.touch, fit.left)
         best: Fit | None = None
-        for start in self.scan.beside(left, now, starts):
+        for start in self.scan.with_one_more(left, now, starts):
             other = refined(self.reading, start, self.model)
             if best is None or self._cost(other) < self._cost(best):
                 best = other

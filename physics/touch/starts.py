@@ -47,7 +47,7 @@ class Starts:
         self.order = np.concatenate([np.arange(k, len(self.place), FEW) for k in range(FEW)])
         self.light = self.light.astype(np.float32)
 
-    def beside(self, left: Array, now: Array, count: int) -> list[Array]:
+    def with_one_more(self, left: Array, now: Array, count: int) -> list[Array]:
         """Contacts (C+1,3) a search for one more than ``now`` (C,3), which leave (D,), begins from; so many, the
         most promising first: one of the places and forces beside them, or one of them parted in two."""
         contact, gain = _nearest(

@@ -35,6 +35,19 @@ def small_law() -> PiezoPolynomial:
     return PiezoPolynomial.fit(stress, 4e3 + 1.4e4 * np.exp(-stress / 1e4))
 
 
+FOUR_PRESSES = 4
+
+
+def four_presses() -> History:
+    """Presses at four places, each to 2 mm and back after a frame at rest."""
+    depth_m = np.array([np.nan, 1e-3, 2e-3, 1e-3] * FOUR_PRESSES)
+    phase = np.array([Phase.REST, Phase.LOADING, Phase.LOADING, Phase.UNLOADING] * FOUR_PRESSES, dtype=np.uint8)
+    press = np.repeat(np.arange(FOUR_PRESSES), 4)
+    place = np.array([[0.012, 0.01], [0.03, 0.04], [0.04, 0.015], [0.015, 0.035]])[press]
+    contact_m = np.where(np.isfinite(depth_m)[:, None], place, np.nan)[:, None]
+    return History(5.0 * np.arange(16), press, phase, contact_m, depth_m[:, None], np.full((16, 1), np.nan))
+
+
 def two_presses() -> History:
     """Two presses to 2 mm and back, frames at rest about them."""
     depth_m = np.array([np.nan, 1e-3, 2e-3, 1e-3] * 2 + [np.nan])

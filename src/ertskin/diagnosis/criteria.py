@@ -67,7 +67,8 @@ class Criteria:
         "part of the first effect's gain that a further one must reach in the specimen, or in force over depth: less "
         "may be owed to the first one's form",
         "creep in another form left the specimen of a skin of seed 2 a small loop of hysteresis (c027: both right with "
-        "it, no loop)",
+        "it, no loop); a foam that relaxes in another form was said to stiffen, too (c189 of the proof's development "
+        "sample), where a true second one is worth 23 % (c051)",
         least=0,
         most=1,
     )

@@ -144,7 +144,7 @@ def test_two_contacts_taken_for_one_in_between_are_parted(posterior, apart_m):
         place, force = np.stack([other, middle + side, middle - side]), rng.uniform(1.0, 2.0, 3)
         reading = response(place, force).sum(axis=0) + rng.standard_normal(42)
         near = roughly(reading, np.array([[*other, force[0]], [*middle, force[1:].sum()]]), posterior._model)
-        start = posterior._scan.beside(near.left, near.touch, 1)[0]
+        start = posterior._scan.with_one_more(near.left, near.touch, 1)[0]
         assert np.linalg.norm(start[:, None, :2] - place[1:], axis=2).min(axis=0).max() < 6e-3
 
 

@@ -209,7 +209,7 @@ def _scans(
     scan, spike = _channels_restored(protocol, voltage, scan, spike)
     fitted = (scan @ protocol.orthonormal.T).reshape(voltage.shape)
     if not saturated and _compressed(voltage, fitted, spike, rest):
-        scan, spike = _standing_restored(protocol, voltage, fitted, spike)
+        scan, spike = _compressed_restored(protocol, voltage, fitted, spike)
         fitted, bent = (scan @ protocol.orthonormal.T).reshape(voltage.shape), False
     else:
         bent = _bent_at_top(voltage, fitted, spike)
@@ -279,20 +279,21 @@ def _compressed(voltage: Array, fitted: Array, spike: NDArray[np.bool_], rest: N
 
     That is an amplifier that bends softly; where they stop growing it is a limit.
     """
-    standing = spike[rest].mean(axis=0) > 0.5
-    standing &= np.isfinite(voltage[rest]).all(axis=0)
-    if standing.sum() < FEWEST_SHORT:
+    seen, there = fitted[rest], np.isfinite(voltage[rest])
+    taken = there.any(axis=0)
+    off = spike[rest].mean(axis=0) > 0.5
+    whole = there[:, off].all(axis=1)
+    if off.sum() < FEWEST_SHORT or not whole.any():
         return False
-    size, read = np.abs(fitted[rest]), voltage[rest] * np.sign(fitted[rest])
-    large = np.median(size[:, standing]) > np.nanquantile(size, 1 - LARGE)
-    short = (read < size)[:, standing].mean() > 0.8
-    if not large or not short:
+    size, read = np.abs(seen[whole][:, off]), (voltage[rest] * np.sign(seen))[whole][:, off]
+    large = np.median(size) > np.quantile(np.abs(seen[whole][:, taken]), 1 - LARGE)
+    if not large or not (read < size).mean() > 0.8:
         return False
-    spread = size[:, standing] - size[:, standing].mean()
-    return bool((spread * read[:, standing]).sum() > FLAT * (spread**2).sum())
+    spread = size - size.mean()
+    return bool((spread * read).sum() > FLAT * (spread**2).sum())
 
 
-def _standing_restored(
+def _compressed_restored(
     protocol: Protocol, voltage: Array, fitted: Array, spike: NDArray[np.bool_]
 ) -> tuple[Array, NDArray[np.bool_]]:
     """Scans and spikes with readings put back that are off by about as much in all frames, or off too often to be so by

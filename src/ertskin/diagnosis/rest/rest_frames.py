@@ -320,11 +320,12 @@ def wandering(change: Array, designs: Sequence[Array], taken: Sequence[int], res
         return []
     alone = {k: before - excess([k]) for k in restless}
     chance = SURELY * np.sqrt(2 * (change.size - sum(taken)))
-    few = sorted(restless, key=lambda k: -alone[k])[: max(1, (designs[0].shape[1] - 1) // FEW_OF)]
     if excess(restless) < min(chance, LEFT * before):
         return restless
-    if excess(few) < LEFT * before:
-        return sorted(few)
+    order = sorted(restless, key=lambda k: -alone[k])
+    for count in range(1, 1 + min(len(order), (designs[0].shape[1] - 1) // FEW_OF)):
+        if excess(order[:count]) < LEFT * before:
+            return sorted(order[:count])
     return [k for k in restless if alone[k] > ALONE * before]
 
 

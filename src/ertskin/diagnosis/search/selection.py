@@ -114,8 +114,7 @@ def select(
 
 @dataclass(eq=False)
 class _Search:
-    """The sets of terms visited so far: ``stand`` keeps each term's rivals, ``entered`` the fit it entered, ``tried``
-    every set fitted, in order.
+    """The sets of terms visited so far: ``stand`` keeps each term's rivals, ``tried`` every set fitted, in order.
 
     The first ``fixed`` terms belong to every set.
     """
@@ -125,7 +124,6 @@ class _Search:
     report: Report
     fixed: int
     stand: dict[str, Rivals]
-    entered: dict[str, Solved] = field(default_factory=dict)
     tried: list[Tried] = field(default_factory=list)
     disagrees: bool = False
 
@@ -175,17 +173,16 @@ class _Search:
         trial, there = entered
         others = [t for t in trials if t.term.name != trial.term.name and t.gain <= (1 + KNOWN) * trial.gain]
         self.stand[_key(trial.term)] = tuple(Rival(t.term.effect, trial.gain - t.gain) for t in others)
-        self.entered[_key(trial.term)] = here.solved
         return _refined(self.build, _reconsidered(self.build, there), self.partitions)
 
     def pruned(self, here: Standing) -> tuple[tuple[Chosen, ...], Standing]:
         """What is left without terms that the others have made superfluous, where the skin is the linearised one."""
-        chosen, current = _backward(here.problem, here.solved, self.fixed, self.partitions, self.stand, self.entered)
+        chosen, current = _backward(here.problem, here.solved, self.fixed, self.partitions, self.stand)
         there = _where_it_settles(self.build, here.problem, current)
         if there is None or there.problem is here.problem:
             return chosen, replace(here, solved=current)
         # What is left may fit as well elsewhere only because the skin was linearised far from there.
-        chosen, current = _backward(there.problem, there.solved, self.fixed, self.partitions, self.stand, self.entered)
+        chosen, current = _backward(there.problem, there.solved, self.fixed, self.partitions, self.stand)
         return chosen, replace(there, solved=current)
 
 
@@ -303,10 +300,6 @@ def _where_it_settles(build: Problem, problem: VoltageProblem | None, solved: So
         return None
 
 
-def _same_names(some: Sequence[Term], others: Sequence[Term]) -> bool:
-    return sorted(map(_key, some)) == sorted(map(_key, others))
-
-
 def _key(term: Term) -> str:
     return f"{term.name}:{getattr(term.effect, 'electrode', getattr(term.effect, 'channel', ''))}"
 
@@ -349,12 +342,8 @@ def _backward(
     fixed: int,
     partitions: Sequence[Sequence[int]],
     stand: dict[str, Rivals],
-    entered: dict[str, Solved],
 ) -> tuple[tuple[Chosen, ...], Solved]:
-    """Drop terms the others have made superfluous; what each of the rest is worth.
-
-    ``entered``: the fits that terms entered beside.
-    """
+    """Drop terms the others have made superfluous; what each of the rest is worth."""
     frames = residual_count(problem)
     while True:
         instrument = any(shown_by(t.effect, Signal.NONRECIPROCAL) for t in current.terms)
@@ -365,12 +354,6 @@ def _backward(
             rest = [t for i, t in enumerate(current.terms) if i != k]
             without = problem.solve(rest, current.calibration, steps=5, leftover=instrument)
             loss = gained(without, current, partitions, problem.evidence.criteria)
-            earlier = entered.get(_key(current.terms[k]))
-            # What no network explains counts only where the instrument is in the fit: others don't compare with it.
-            if earlier is not None and not instrument and _same_names(earlier.terms, rest):
-                # Beside it another may have given up what it explains by itself, and find no way back from here.
-                begun = gained(earlier, current, partitions, problem.evidence.criteria)
-                loss, without = min((loss, without), (begun, earlier), key=lambda pair: pair[0])
             least = worth_a_name(problem, current)
             if loss < least and (dropped is None or loss < dropped[0]):
                 dropped = (loss, without)

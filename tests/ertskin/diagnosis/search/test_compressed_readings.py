@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from small_skin import SMALL, small_law, small_sensor
+from small_skin import FOUR_PRESSES, SMALL, four_presses, small_law, small_sensor
 
 from ertskin.diagnosis.fit.joint_fit import Solved, VoltageProblem
 from ertskin.diagnosis.linear.calibration_vector import SHAPE, Calibration, SkinFamily
@@ -16,15 +16,14 @@ from ertskin.diagnosis.search.candidates import screen
 from ertskin.diagnosis.search.trials import trials_of
 from ertskin.physics.effects.adc_saturation import AdcSaturation
 from ertskin.physics.effects.channel_gain import ChannelGain
-from ertskin.physics.history import History, Phase
 from ertskin.physics.protocol import Protocol, electrode_pairs
 from ertskin.physics.skin import Skin
 
-PRESSES, CHANNELS, NOISE = 4, 6, 1e-3
+CHANNELS, NOISE = 6, 1e-3
 """The noise over the largest reading."""
 CONTACT_OHM = np.linspace(200.0, 900.0, CHANNELS)
 START = Calibration(9000.0, CONTACT_OHM, 0.0, np.zeros(SHAPE))
-PARTITIONS = [[k] for k in range(PRESSES)]
+PARTITIONS = [[k] for k in range(FOUR_PRESSES)]
 FULL = Protocol.against_sink(electrode_pairs(CHANNELS), CHANNELS, 1e-4)
 GAIN = ChannelGain(2, gain=0.01)
 
@@ -38,20 +37,10 @@ def undriven() -> Protocol:
     return Protocol(scan.injection_current_a, scan.measurement, measured=~driven)
 
 
-def history() -> History:
-    """Presses at four places, each to 2 mm and back."""
-    depth_m = np.array([np.nan, 1e-3, 2e-3, 1e-3] * PRESSES)
-    phase = np.array([Phase.REST, Phase.LOADING, Phase.LOADING, Phase.UNLOADING] * PRESSES, dtype=np.uint8)
-    press = np.repeat(np.arange(PRESSES), 4)
-    place = np.array([[0.012, 0.01], [0.03, 0.04], [0.04, 0.015], [0.015, 0.035]])[press]
-    contact_m = np.where(np.isfinite(depth_m)[:, None], place, np.nan)[:, None]
-    return History(5.0 * np.arange(16), press, phase, contact_m, depth_m[:, None], np.full((16, 1), np.nan))
-
-
 def fitted(scan: Protocol, strength: float, gain: ChannelGain) -> tuple[VoltageProblem, Solved]:
     """The calibration alone fitted to readings bent by a hyperbolic tangent, the largest by strength**2 / 3."""
     skin = Skin.build(small_sensor(), scan, small_law(), CONTACT_OHM, 9000.0, (), SMALL)
-    seen = history()
+    seen = four_presses()
     linear = LinearSkin(skin, seen, np.nan_to_num(skin.force_n(seen)), np.arange(len(seen)), None)
     basis = scan.orthonormal
     still = gain.distorted_v((linear.scans(skin) @ basis.T).reshape(-1, *scan.shape), scan)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from small_skin import SMALL, small_law, small_sensor
+from small_skin import FOUR_PRESSES, SMALL, four_presses, small_law, small_sensor
 
 from ertskin.diagnosis.fit.joint_fit import Solved, Term, VoltageProblem
 from ertskin.diagnosis.linear.calibration_vector import SHAPE, Calibration, SkinFamily
@@ -14,33 +14,22 @@ from ertskin.diagnosis.recording.evidence import Evidence
 from ertskin.diagnosis.search.form_error import form_error
 from ertskin.physics.effects.crosstalk import Crosstalk
 from ertskin.physics.effects.sheet_anisotropy import SheetAnisotropy
-from ertskin.physics.history import History, Phase
 from ertskin.physics.protocol import Protocol, electrode_pairs
 from ertskin.physics.skin import Skin
 
-PRESSES, CHANNELS, NOISE_V = 4, 6, 1e-5
+CHANNELS, NOISE_V = 6, 1e-5
 SCAN = Protocol.against_sink(electrode_pairs(CHANNELS), CHANNELS, 1e-4)
 CONTACT_OHM = np.linspace(200.0, 900.0, CHANNELS)
 START = Calibration(9000.0, CONTACT_OHM, 0.0, np.zeros(SHAPE))
 SHARES = 4e-3 * np.array([0.4, 1.8, 0.2, 1.0, 1.5, 0.6])
-PARTITIONS = [[k] for k in range(PRESSES)]
+PARTITIONS = [[k] for k in range(FOUR_PRESSES)]
 TERM = Term(Crosstalk(fraction=4e-3), ("fraction",))
-
-
-def history() -> History:
-    """Presses at four places, each to 2 mm and back."""
-    depth_m = np.array([np.nan, 1e-3, 2e-3, 1e-3] * PRESSES)
-    phase = np.array([Phase.REST, Phase.LOADING, Phase.LOADING, Phase.UNLOADING] * PRESSES, dtype=np.uint8)
-    press = np.repeat(np.arange(PRESSES), 4)
-    place = np.array([[0.012, 0.01], [0.03, 0.04], [0.04, 0.015], [0.015, 0.035]])[press]
-    contact_m = np.where(np.isfinite(depth_m)[:, None], place, np.nan)[:, None]
-    return History(5.0 * np.arange(16), press, phase, contact_m, depth_m[:, None], np.full((16, 1), np.nan))
 
 
 def fitted(shares: np.ndarray, sheet: SheetAnisotropy | None = None) -> tuple[VoltageProblem, Solved]:
     """A fit with one crosstalk of readings of which each channel keeps its own share (M,), on a sheet."""
     skin = Skin.build(small_sensor(), SCAN, small_law(), CONTACT_OHM, 9000.0, (), SMALL)
-    seen = history()
+    seen = four_presses()
     force_n = np.nan_to_num(skin.force_n(seen))
     linear = LinearSkin(skin, seen, force_n, np.arange(len(seen)), None)
     basis = SCAN.orthonormal
