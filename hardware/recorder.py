@@ -209,11 +209,17 @@ class Recorder:
             columns["adc_count"] = entry.count
         # Time comes last, so that no column is behind the one that tells how many frames there are.
         columns["time_s"] = entry.time_s
-        for name, value in columns.items():
-            column = self._group[name]
-            column.resize(self.frames + 1, axis=0)
-            column[self.frames] = value
-        self._file.flush()
+        try:
+            for name, value in columns.items():
+                column = self._group[name]
+                column.resize(self.frames + 1, axis=0)
+                column[self.frames] = value
+            self._file.flush()
+        except BaseException:
+            # A signal may come between a column's growth and its value: half a frame is none.
+            for name in reversed(columns):
+                self._group[name].resize(self.frames, axis=0)
+            raise
         self.frames += 1
 
     def note(self, time_s: float, text: str) -> None:

@@ -8,15 +8,17 @@ import threading
 import time
 from dataclasses import replace
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 import pytest
 from killed_recorder import PLAN, SHAPE, WHOLE, voltage
 from small_experiment import bench_of, experiment_of, plan_of_presses, recorder_of
 
-from ertskin.hardware.recorder import Recorder, half_done_plan, next_press, part_of
+from ertskin.hardware.recorder import FrameEntry, Recorder, half_done_plan, next_press, part_of
 from ertskin.hardware.recording import Recording, RecordingError, read_recording, write_recording
 from ertskin.hardware.validate import validate
+from ertskin.physics.history import Phase
 
 SCRIPT = Path(__file__).with_name("killed_recorder.py")
 
@@ -122,6 +124,35 @@ def test_killed_again_before_the_first_frame_loses_nothing(tmp_path: Path) -> No
     with pytest.raises(KeyboardInterrupt):
         experiment_of(bench, Recorder.resumed(tmp_path / "a.h5", plan)[0], show=stop).run(plan)
     bench.close()
+
+
+class _Interrupted:
+    """A time in whose writing a signal arrives."""
+
+    def __array__(self, *_: object, **__: object) -> np.ndarray:
+        raise KeyboardInterrupt
+
+
+def test_a_signal_within_a_frame_leaves_whole_frames(tmp_path: Path) -> None:
+    plan, bench = plan_of_presses(1), bench_of()
+    recorder = recorder_of(bench, plan, tmp_path / "a.h5")
+    experiment_of(bench, recorder).run(plan)
+    nothing = np.full(1, np.nan)
+    last = read_recording(part_of(tmp_path / "a.h5")).frames
+    assert last is not None
+    voltage_v = last.voltage_v[-1]
+    count = None if last.adc_count is None else last.adc_count[-1]
+    entry = FrameEntry(
+        voltage_v, count, cast(float, _Interrupted()), 1, Phase.REST, np.full((1, 2), np.nan), nothing, nothing
+    )
+    with pytest.raises(KeyboardInterrupt):
+        recorder.append(entry)
+    recorder.close()
+    bench.close()
+    frames = read_recording(part_of(tmp_path / "a.h5")).frames
+    assert frames is not None
+    assert len(frames) == plan.frames
+    np.testing.assert_array_equal(frames.history.time_s, last.history.time_s)
 
 
 def test_a_whole_plan_killed_before_its_end_is_not_repeated(tmp_path: Path) -> None:
