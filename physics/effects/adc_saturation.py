@@ -66,8 +66,10 @@ class AdcSaturation(AcquisitionEffect):
             return voltage_v
         straight_v, size_v = self.straight_share * self.level_v, np.abs(voltage_v)
         beyond_v = np.maximum(size_v - straight_v, 0.0)
-        part = self._bend * (beyond_v / (self.level_v - straight_v)) ** self.sharpness
-        lost_v = beyond_v * -np.expm1(-np.log1p(part) / self.sharpness)
+        with np.errstate(divide="ignore"):
+            part_log = np.log(self._bend) + self.sharpness * np.log(beyond_v / (self.level_v - straight_v))
+        # In logarithms, for a power of what is far beyond the level overflows.
+        lost_v = beyond_v * -np.expm1(-np.logaddexp(0.0, part_log) / self.sharpness)
         return np.asarray(voltage_v - np.copysign(lost_v, voltage_v))
 
     @property

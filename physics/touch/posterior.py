@@ -301,7 +301,7 @@ def inverse(curvature, x, y, force):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def stated(touch, spline, error, widening, covariance):  # type: ignore[no-untyped-def]
-    """Turn covariances (n,3,3) by log force, of contacts (n,3), into those by force, with ``error``."""
+    """Turn covariances (n,3,3) by log force, of contacts (n,3), into those by force, with ``error`` (4,)."""
     rows = np.empty((7, spline[3].shape[3]))
     for c in range(len(touch)):
         tangents_at(spline[0], spline[1], spline[2], spline[3], touch[c, 0], touch[c, 1], touch[c, 2], rows)
@@ -311,6 +311,7 @@ def stated(touch, spline, error, widening, covariance):  # type: ignore[no-untyp
             for b in range(3):
                 covariance[c, a, b] *= (touch[c, 2] if a == 2 else 1.0) * (touch[c, 2] if b == 2 else 1.0)
             covariance[c, a, a] += (error[a] * (per_size_n if a == 2 else 1.0)) ** 2
+        covariance[c, 2, 2] += (error[3] * touch[c, 2]) ** 2
         for a in range(3):
             for b in range(3):
                 covariance[c, a, b] *= widening

@@ -64,8 +64,9 @@ class TouchPosterior:
     """Contacts from readings in the coordinates of ``table``, which are in units of the noise.
 
     ``spread`` (3,) and ``remainder``: what the response may err by (``ertskin.physics.touch.posterior``).
-    ``error`` (3,): further standard deviations of x, y (metre) and, as a share of the response, along its slope by
-    force: where a press hardly changes it any more, that is much force. ``temperature``: by
+    ``error`` (3,) or (4,): further standard deviations of x, y (metre) and, as a share of the response, along its slope by
+    force: where a press hardly changes it any more, that is much force; the fourth, nought if not given, is a share of
+    the force itself. ``temperature``: by
     how much the log evidence is too sure. ``most``: contacts looked for at most. ``exchanges``: rounds in which
     contacts that fit poorly are looked for anew; each may take a tenth of a second. ``widening``: of every covariance.
     """
@@ -85,7 +86,9 @@ class TouchPosterior:
         spline = table.knots_x, table.knots_y, table.knots_n, table.response
         spread = np.ascontiguousarray(self.spread, dtype=float)
         model = spline, table.compiled(), spread, float(self.remainder), low, high
-        object.__setattr__(self, "_error", np.ascontiguousarray(self.error, dtype=float))
+        error = np.zeros(4)
+        error[: len(self.error)] = self.error
+        object.__setattr__(self, "_error", error)
         object.__setattr__(self, "_model", model)
         forces_n = np.array(SCAN_FORCES) * table.grid.force_n[-1]
         object.__setattr__(self, "_scan", Starts(table, forces_n, self.least_force_n))

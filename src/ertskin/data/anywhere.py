@@ -13,7 +13,7 @@ from omegaconf import DictConfig
 
 from ertskin.calibration.ready import ready_calibration
 from ertskin.calibration.rest_slopes import rest_slopes_v
-from ertskin.data.anywhere_plan import AnywherePlan
+from ertskin.data.anywhere_plan import AnywherePlan, Stated
 from ertskin.data.forward import PressForward
 from ertskin.data.grid import grid_m
 from ertskin.data.local_discrepancy import LocalDiscrepancy, modes, unknown_error
@@ -91,6 +91,7 @@ def anywhere_skin(config: DictConfig, recording: Recording) -> AnywhereSkin:
     whole = touch_model(forward.protocol, table, noise, touches, config.data.discrepancy)
     taxel_m = grid_m(config.grid, forward.calibration.known_sensor)
     model = whole.strongest(int(config.data.components))
+    model = model.with_force_error(checked(Stated, config.data.stated, "data.stated").load_cell_error)
     if touches is not None and len(whole.unseen_v):
         known = pressed(touches).history
         model = model.widened(known.contact_m[:, 0], known.force_n[:, 0], FELT_N)

@@ -1,4 +1,4 @@
-"""Which contacts to draw for networks that are touched anywhere."""
+"""Which contacts to draw for networks that are touched anywhere, and what their regions allow for."""
 
 from __future__ import annotations
 
@@ -19,3 +19,14 @@ class AnywherePlan:
     min_force_n: float = limited(0.2, above=0)
     max_force_n: float = limited(0.0, least=0)
     seed: int = limited(0, least=0)
+
+
+@dataclass(frozen=True)
+class Stated:
+    """What stated regions allow for beyond what the recording's presses tell.
+
+    ``load_cell_error``: one sigma of the load cell's scale, as a share of the force. 0.5 % is what makers of hand-held
+    force gauges state, of their whole range; every press was read by the same cell, so that no press tells.
+    """
+
+    load_cell_error: float = limited(0.005, least=0, most=0.5)

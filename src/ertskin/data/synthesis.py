@@ -11,7 +11,7 @@ from typing import Protocol as Interface
 import numpy as np
 from numpy.typing import NDArray
 
-from ertskin.data.anywhere_plan import AnywherePlan
+from ertskin.data.anywhere_plan import AnywherePlan, Stated
 from ertskin.data.shards import Arrays, ShardStore, fill
 from ertskin.data.trials import TrialSet
 from ertskin.physics.trials import Trials, many_point, one_point
@@ -75,9 +75,12 @@ def planned(section: Any) -> Plan:
 
 
 def check_plan(data: Any) -> None:
-    """``UserError`` for a wrong value in the ``plan`` of the configuration's ``data``, whichever kind it is of."""
+    """``UserError`` for a wrong value in the ``plan`` of the configuration's ``data``, whichever kind it is of, or
+    in its ``stated``."""
     if "plan" in data:
         checked(AnywherePlan if "table" in data else Plan, data.plan, "data.plan")
+    if "stated" in data:
+        checked(Stated, data.stated, "data.stated")
 
 
 @dataclass(frozen=True, eq=False)

@@ -21,7 +21,8 @@ STATED = 0.9
 @dataclass(frozen=True, eq=False)
 class ModelError:
     """What a response may err by, as ``TouchPosterior`` takes it: ``shape_spread`` (3,), and ``error`` (3,) of x, y
-    (metre) and along its slope by force, as a share of the response; ``widening`` of the covariances all this gives."""
+    (metre) and along its slope by force, as a share of the response, or (4,), the force's own share with it; ``widening``
+    of the covariances all this gives."""
 
     shape_spread: Array
     remainder: float
@@ -62,6 +63,10 @@ class TouchModel:
         return TouchPosterior(
             self.table, error.shape_spread, error.remainder, error.error, least_force_n, widening=error.widening
         )
+
+    def with_force_error(self, share: float) -> TouchModel:
+        """With forces stated as uncertain as a load cell whose scale may be off by ``share`` (one sigma) makes them."""
+        return replace(self, error=replace(self.error, error=np.append(self.error.error[:3], share)))
 
     def widened(self, contact_m: Array, force_n: Array, least_force_n: float) -> TouchModel:
         """With covariances as wide as the presses it was corrected by, at (M,2) with (M,) newton, say: ``STATED`` of

@@ -49,6 +49,19 @@ def test_regions_never_shrink() -> None:
     assert model(seen).widened(place, force, 0.1).error.widening == 1.0
 
 
+def test_forces_are_no_surer_than_the_load_cell() -> None:
+    """A cell that reads 6 % too much where 5 % are allowed for: its own presses can't tell, other weights do."""
+    place, force, seen = presses(2, 200, 0.0)
+    by_the_cell = model(seen)
+    allowed = by_the_cell.with_force_error(0.05)
+    assert held(by_the_cell, place, 1.06 * force, seen) < 0.2
+    assert held(allowed, place, 1.06 * force, seen) > 0.5
+    starts = np.column_stack([place, force])[:, None]
+    before, after = (one.posterior(0.1).of(seen, starts) for one in (by_the_cell, allowed))
+    added = after.covariance[:, 0, 2, 2] - before.covariance[:, 0, 2, 2]
+    np.testing.assert_allclose(added, (0.05 * before.force_n[:, 0]) ** 2, rtol=1e-6)
+
+
 @pytest.mark.parametrize("places", [9, 12, 36])
 def test_a_press_more_is_held_as_often_as_stated(places: int) -> None:
     drawn = np.random.default_rng(0).chisquare(3, (20000, places + 1))
