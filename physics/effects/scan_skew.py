@@ -28,8 +28,9 @@ class ScanSkew(MotionEffect):
     source: ClassVar[str] = "A multiplexed scan takes longer than the press stands still; clock skew in tomography"
     hypothesis: ClassVar[Hypothesis] = Hypothesis(
         (Axis.SCAN_ORDER, Axis.HISTORY),
-        (Signal.NONRECIPROCAL, Signal.READINGS),
+        (Signal.NONRECIPROCAL, Signal.READINGS, Signal.FORCE),
         (Need.PRESSES, Need.MORE_READINGS, Need.TIMED_INJECTIONS),
+        held=frozenset({"at_s", "ease"}),
     )
 
     speed_m_per_s: float = parameter("m/s", 0.0, 0.02, 0.0, 1e-4, "how fast the stage moves during the scan")
@@ -59,6 +60,13 @@ class ScanSkew(MotionEffect):
         speed = cls.parameters()["speed_m_per_s"].typical
         free = ("speed_m_per_s", "at_s")
         return tuple(Start(cls(speed, at_s), free, ("speed_m_per_s",)) for at_s in (0.0, 0.5 * last_s, last_s))
+
+    @classmethod
+    def force_starts(cls) -> tuple[Start, ...]:
+        """On its way to the next depth, and arriving only after the scan: a scan's mean force tells no more than how far
+        off the command the stage is on average."""
+        speed = cls.parameters()["speed_m_per_s"].typical
+        return tuple(Start(cls(speed, at_s), ("speed_m_per_s",)) for at_s in (0.0, 0.5))
 
     def quantities(self, standard: Standard) -> dict[str, float]:
         """Part of the way to the next depth that is made while a scan is taken."""

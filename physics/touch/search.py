@@ -64,9 +64,9 @@ class TouchPosterior:
     """Contacts from readings in the coordinates of ``table``, which are in units of the noise.
 
     ``spread`` (3,) and ``remainder``: what the response may err by (``ertskin.physics.touch.posterior``).
-    ``error`` (3,) or (4,): further standard deviations of x, y (metre) and, as a share of the response, along its slope by
-    force: where a press hardly changes it any more, that is much force; the fourth, nought if not given, is a share of
-    the force itself. ``temperature``: by
+    ``error`` (3,) or (4,): further standard deviations of x, y (metre) and, as a share of the response, along its slope
+    by force: where a press hardly changes it any more, that is much force; the fourth, nought if not given, is a share
+    of the force itself. ``temperature``: by
     how much the log evidence is too sure. ``most``: contacts looked for at most. ``exchanges``: rounds in which
     contacts that fit poorly are looked for anew; each may take a tenth of a second. ``widening``: of every covariance.
     """

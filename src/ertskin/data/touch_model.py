@@ -21,8 +21,8 @@ STATED = 0.9
 @dataclass(frozen=True, eq=False)
 class ModelError:
     """What a response may err by, as ``TouchPosterior`` takes it: ``shape_spread`` (3,), and ``error`` (3,) of x, y
-    (metre) and along its slope by force, as a share of the response, or (4,), the force's own share with it; ``widening``
-    of the covariances all this gives."""
+    (metre) and along its slope by force, as a share of the response, or (4,), a share of the force with it;
+    ``widening`` of the covariances all this gives."""
 
     shape_spread: Array
     remainder: float

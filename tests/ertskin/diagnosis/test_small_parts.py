@@ -35,7 +35,7 @@ from ertskin.physics.effects.nonlinear_foam import NonlinearFoam
 from ertskin.physics.effects.piezo_hysteresis import PiezoHysteresis
 from ertskin.physics.effects.registry import build_effects
 from ertskin.physics.effects.viscoelastic_foam import ViscoelasticFoam
-from ertskin.physics.history import History
+from ertskin.physics.history import History, Phase
 from ertskin.physics.mechanics.reaction import foam_force_n
 from ertskin.physics.protocol import Protocol, electrode_pairs
 from ertskin.physics.sensor import Sensor, rectangle_m
@@ -159,6 +159,22 @@ def test_force_stage_names_what_the_load_cell_shows(hidden) -> None:
         key = next(iter(true.parameters()))
         assert getattr(found, key) == pytest.approx(getattr(true, key), rel=0.1)
     assert best.chi_square <= plain.chi_square
+
+
+@pytest.mark.parametrize("ahead", [0.08, -0.08])
+def test_a_stage_that_moves_while_force_is_read_is_no_foam(ahead: float) -> None:
+    """Of a step, a share of the next is made within the scan already, or a share of this one is not yet made."""
+    history = strokes(9)
+    way_m = np.gradient(np.nan_to_num(history.depth_m), axis=0)
+    moving = np.isin(history.phase, [Phase.LOADING, Phase.UNLOADING])[:, None]
+    depth_m = np.clip(history.depth_m + ahead * np.where(moving, way_m, 0.0), 0.0, np.nanmax(history.depth_m))
+    force = foam_force_n(history, 1800.0, 9000.0, 0.004, (), depth_m)
+    force = force + 0.01 * np.random.default_rng(3).standard_normal(force.shape)
+    data = ForceData(replace(history, force_n=force), 0.01, 9000.0, 1e-3, 0.004, scan_s=0.4)
+    best = select_force_effects(data, history.press % 3, 10.0, 0.1)[1]
+    assert [effect.name for effect in best.effects] == ["scan_skew"]
+    assert (best.effects[0].at_s == 0.0) == (ahead > 0)  # type: ignore[union-attr]
+    assert best.foam == ()
 
 
 def test_what_an_effects_form_leaves_gets_no_name() -> None:

@@ -8,13 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ertskin.diagnosis.contract.claims import Claim, Estimate, Rival, against, estimate
-from ertskin.diagnosis.force.fit import ForceData, ForceFit, fit_force, force_starts, free_parameters
+from ertskin.diagnosis.force.fit import ForceData, ForceEffect, ForceFit, fit_force, force_starts, free_parameters
 from ertskin.diagnosis.force.indistinguishable import told_apart
 from ertskin.diagnosis.judge.confidence import left_over_of_force
 from ertskin.diagnosis.recording.evidence import Evidence
 from ertskin.diagnosis.rest.baseline import Baseline
 from ertskin.diagnosis.search.selection import Selection
-from ertskin.physics.effects.effect import FoamEffect
 
 Indices = NDArray[np.intp]
 
@@ -42,7 +41,9 @@ def force_answer(evidence: Evidence, baseline: Baseline, selection: Selection, h
         return ForceAnswer((), None, None, off=_off(evidence, baseline))
     noise = baseline.force_noise.rms_n
     before, after = (_predicted_n(evidence, baseline, fit, held) for fit in (plain, best))
-    claims = [_felt(_claim(evidence, baseline, best, effect), selection) for effect in best.effects]
+    # What the readings show as well is claimed by them, who know its course.
+    shown = {chosen.term.name for chosen in selection.chosen}
+    claims = [_felt(_claim(evidence, baseline, best, e), selection) for e in best.effects if e.name not in shown]
     # What it would leave, were it alone left out.
     claims = [claim for claim in claims if claim.ratio_alone > evidence.criteria.material_ratio]
     off = _off(evidence, baseline)
@@ -62,7 +63,8 @@ def _predicted_n(evidence: Evidence, baseline: Baseline, fit: ForceFit, held: In
 
 def _data(evidence: Evidence, baseline: Baseline, fit: ForceFit) -> ForceData:
     thickness_m = evidence.sensor.layers[0].thickness_m
-    return ForceData(evidence.history, baseline.force_noise.rms_n, fit.support_n_per_m, SUPPORT_SHARE, thickness_m)
+    noise_n, scan_s = baseline.force_noise.rms_n, evidence.protocol.scan_s or 0.0
+    return ForceData(evidence.history, noise_n, fit.support_n_per_m, SUPPORT_SHARE, thickness_m, scan_s)
 
 
 def _off(evidence: Evidence, baseline: Baseline) -> bool:
@@ -89,8 +91,8 @@ def _felt(claim: Claim, selection: Selection) -> Claim:
     return claim
 
 
-def _claim(evidence: Evidence, baseline: Baseline, best: ForceFit, effect: FoamEffect) -> Claim:
-    """The fit without this effect, and with each other foam effect in its stead."""
+def _claim(evidence: Evidence, baseline: Baseline, best: ForceFit, effect: ForceEffect) -> Claim:
+    """The fit without this effect, and with each other effect in its stead."""
     data = _data(evidence, baseline, best)
     rest = [e for e in best.effects if e.name != effect.name]
     count = int(np.isfinite(best.residual).sum())
@@ -101,7 +103,7 @@ def _claim(evidence: Evidence, baseline: Baseline, best: ForceFit, effect: FoamE
     return Claim(effect, confidence, alone, _estimates(best, effect), alternatives, rivals)
 
 
-def _rivals(data: ForceData, best: ForceFit, rest: list[FoamEffect], effect: FoamEffect) -> tuple[Rival, ...]:
+def _rivals(data: ForceData, best: ForceFit, rest: list[ForceEffect], effect: ForceEffect) -> tuple[Rival, ...]:
     used = {e.name for e in best.effects}
     rivals = []
     for other, starts in force_starts().items():
@@ -116,7 +118,7 @@ def _rivals(data: ForceData, best: ForceFit, rest: list[FoamEffect], effect: Foa
     return tuple(rivals)
 
 
-def _estimates(best: ForceFit, effect: FoamEffect) -> dict[str, Estimate]:
+def _estimates(best: ForceFit, effect: ForceEffect) -> dict[str, Estimate]:
     known = effect.parameters()
     estimates = {}
     for key in free_parameters(effect):

@@ -1,4 +1,4 @@
-"""The force-depth stage: which foam effects the load cell shows, fitted with the pad's and support's stiffness."""
+"""The force-depth stage: which effects the load cell shows, fitted with the pad's and support's stiffness."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from ertskin.physics.effects.effect import FoamEffect, Parameter
+from ertskin.physics.effects.effect import FoamEffect, MotionEffect, Parameter
 from ertskin.physics.effects.hypothesis import Signal
 from ertskin.physics.effects.registry import effects_shown_by
 from ertskin.physics.history import History
@@ -18,25 +18,39 @@ from ertskin.physics.mechanics.reaction import foam_force_n
 
 Array = NDArray[np.float64]
 
+ForceEffect = FoamEffect | MotionEffect
+"""What force over depth shows: what the foam does, and a stage that moves while force and scan are read."""
 INSIDE = 1e-9
 """How far within its bounds a fit begins."""
+MOMENTS = 5
+"""Moments of a scan whose depths are averaged where the stage moves."""
 
 
-def force_starts() -> dict[str, list[FoamEffect]]:
+def force_starts() -> dict[str, list[ForceEffect]]:
     """Every effect that force over depth shows, by name, where its fits begin."""
     kinds = effects_shown_by(Signal.FORCE)
-    return {kind.name: [cast(FoamEffect, start.effect) for start in kind.force_starts()] for kind in kinds}
+    return {kind.name: [cast(ForceEffect, start.effect) for start in kind.force_starts()] for kind in kinds}
 
 
 @dataclass(frozen=True, eq=False)
 class ForceData:
-    """Forces to explain: history, ``noise_n``, the support's stiffness with its error, the foam's thickness."""
+    """Forces to explain, each the mean over ``scan_s``: history, ``noise_n``, the support's stiffness with its error,
+    the foam's thickness."""
 
     history: History
     noise_n: float
     support_n_per_m: float
     support_error: float
     foam_m: float
+    scan_s: float = 0.0
+
+    def force_n(self, pad_n_per_m: float, support_n_per_m: float, effects: Sequence[ForceEffect]) -> Array:
+        """(T,C) newton, at the depths where a stage that moves is on average while it is scanned."""
+        foam = [e for e in effects if isinstance(e, FoamEffect)]
+        moving = [e for e in effects if isinstance(e, MotionEffect)]
+        moments = np.linspace(0.0, self.scan_s, MOMENTS)
+        depth_m = moving[0].depth_m(self.history, moments).mean(axis=1) if moving else None
+        return foam_force_n(self.history, pad_n_per_m, support_n_per_m, self.foam_m, foam, depth_m)
 
     @property
     def used(self) -> NDArray[np.bool_]:
@@ -50,7 +64,7 @@ class ForceFit:
 
     pad_n_per_m: float
     support_n_per_m: float
-    effects: tuple[FoamEffect, ...]
+    effects: tuple[ForceEffect, ...]
     force_n: Array
     residual: Array
     names: tuple[str, ...]
@@ -58,18 +72,26 @@ class ForceFit:
     covariance: Array
 
     @property
+    def foam(self) -> tuple[FoamEffect, ...]:
+        """What of its effects the foam does."""
+        return tuple(e for e in self.effects if isinstance(e, FoamEffect))
+
+    @property
     def chi_square(self) -> float:
         """Sum of squared residuals over the frames fitted."""
         return float(np.nansum(self.residual**2))
 
 
-def free_parameters(effect: FoamEffect) -> dict[str, Parameter]:
+def free_parameters(effect: ForceEffect) -> dict[str, Parameter]:
     """The continuous parameters a fit may move."""
     return {key: p for key, p in effect.parameters().items() if key not in effect.hypothesis.held}
 
 
 def fit_force(
-    data: ForceData, effects: Sequence[FoamEffect], rows: NDArray[np.bool_] | None = None, start: ForceFit | None = None
+    data: ForceData,
+    effects: Sequence[ForceEffect],
+    rows: NDArray[np.bool_] | None = None,
+    start: ForceFit | None = None,
 ) -> ForceFit:
     """Least squares over the frames ``rows`` (T,); the whole history drives the memories all the same."""
     used = data.used if rows is None else data.used & rows[:, None]
@@ -85,14 +107,14 @@ def fit_force(
             scale.append(p.typical)
             begin.append(float(getattr(effect, key)))
 
-    def model(x: Array) -> tuple[float, float, tuple[FoamEffect, ...], Array]:
+    def model(x: Array) -> tuple[float, float, tuple[ForceEffect, ...], Array]:
         pad, support = pad_start * np.exp(x[0]), data.support_n_per_m * (1 + x[1])
         built, k = [], 2
         for effect in effects:
             keys = list(free_parameters(effect))
             built.append(replace(effect, **dict(zip(keys, map(float, x[k : k + len(keys)]), strict=True))))
             k += len(keys)
-        force = foam_force_n(data.history, pad, support, data.foam_m, built)
+        force = data.force_n(pad, support, built)
         return float(pad), float(support), tuple(built), force
 
     def residuals(x: Array) -> Array:
@@ -128,7 +150,7 @@ def select_force_effects(
     """
     base = fit_force(data, ())
     every = force_starts()
-    chosen: list[FoamEffect] = []
+    chosen: list[ForceEffect] = []
     best = base
     score = _held_out(data, chosen, folds, base)
     while len(chosen) < len(every):
@@ -165,7 +187,7 @@ def _without_the_small(
     return best
 
 
-def _held_out(data: ForceData, effects: Sequence[FoamEffect], folds: NDArray[np.intp], start: ForceFit) -> float:
+def _held_out(data: ForceData, effects: Sequence[ForceEffect], folds: NDArray[np.intp], start: ForceFit) -> float:
     """Half chi-square of every fold predicted by a fit to the others."""
     total = 0.0
     for fold in np.unique(folds):

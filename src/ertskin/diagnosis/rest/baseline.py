@@ -68,7 +68,7 @@ def calibrated(recording: Recording, evidence: Evidence, resolution: str = "fine
     displaced = displaced_pad(skin, at_rest.scan_v, at_rest.scan_noise_v, at_rest.misfit, evidence.criteria, resolution)
     skin = replace(skin, effects=at_rest.drift)
     if best is not None:
-        skin = replace(skin, pad_n_per_m=best.pad_n_per_m, effects=(*best.effects, *at_rest.drift))
+        skin = replace(skin, pad_n_per_m=best.pad_n_per_m, effects=(*best.foam, *at_rest.drift))
     signal, findings = _specimen(recording, law, evidence)
     return Baseline(
         skin=skin,
@@ -126,7 +126,7 @@ def _force_stage(
         stiff = support.stiffness_n_per_m
         error = max(support.standard_error_n_per_m / stiff, 1e-5)
     foam_m = evidence.sensor.layers[0].thickness_m
-    data = ForceData(evidence.history, noise_n, stiff, error, foam_m)
+    data = ForceData(evidence.history, noise_n, stiff, error, foam_m, evidence.protocol.scan_s or 0.0)
     if data.used.sum() < 20:
         return None, None
     folds = np.unique(evidence.history.press, return_inverse=True)[1] % 3
