@@ -63,7 +63,7 @@ class ScanSkew(MotionEffect):
 
     @classmethod
     def force_starts(cls) -> tuple[Start, ...]:
-        """On its way to the next depth, and arriving only after the scan: a scan's mean force tells no more than how far
+        """On its way to the next depth, and arriving only after the scan: a mean force tells no more than how far
         off the command the stage is on average."""
         speed = cls.parameters()["speed_m_per_s"].typical
         return tuple(Start(cls(speed, at_s), ("speed_m_per_s",)) for at_s in (0.0, 0.5))
