@@ -14,16 +14,19 @@ def gained(without: Solved, present: Solved, partitions: Sequence[Sequence[int]]
     """Half chi-square that ``present`` gains over ``without``, held out.
 
     A press that no other tells of (the only one on a hill) is predicted wildly by either: in no cell may a prediction
-    gain or lose more than the fit itself. What explains most of the misfit gains that, less what its freedom costs,
-    however badly the cells predict one another with it: that isn't owed to too free a form.
+    gain or lose more than the fit itself, and all of them no more than that less what its freedom costs: a smooth field
+    predicts what any sharp cause does to the presses at hand, a displaced pad, say, as well as that cause does. What
+    explains most of the misfit gains just that, however badly the cells predict one another with it: that isn't owed to
+    too free a form.
     """
     told = np.array([_cost(without, out) - _cost(present, out) for out in partitions])
     foretold = held_out(without, partitions) - held_out(present, partitions)
     gain = float(np.clip(foretold, -np.abs(told), np.abs(told)).clip(max=told).sum())
     before, after = (float(solved.fit.quadratic.cost[:-1].sum()) for solved in (without, present))
+    evidence = before - after - freedom(present) + freedom(without)
     if after < (1 - criteria.most_share) * before:
-        gain = max(gain, before - after - freedom(present) + freedom(without))
-    return gain
+        return evidence
+    return min(gain, evidence) if freedom(present) > freedom(without) else gain
 
 
 def freedom(solved: Solved) -> float:
