@@ -13,6 +13,9 @@ from ertskin.physics.effects.standard import Standard
 from ertskin.physics.protocol import Protocol
 from ertskin.physics.sensor import Sensor
 
+TURNS_RAD = -0.5, 0.5
+"""Turns of the axis at which fits begin."""
+
 
 @dataclass(frozen=True)
 class SheetAnisotropy(SheetEffect):
@@ -20,8 +23,8 @@ class SheetAnisotropy(SheetEffect):
 
     ``stretch_x`` > 0 conducts better along x, ``stretch_diagonal`` > 0 along the diagonal x = y: two numbers that
     change smoothly through isotropy, where an angle would not. Ratio of conductances exp(m), axis at half the angle
-    of the pair. Bow, the fault of a fabric whose yarns run in an arc, turns that axis along the sheet: to first order
-    ``stretch_diagonal`` grows by ``bow_x`` from the middle to the sheet's end along x, by ``bow_y`` along y.
+    of the pair. In a bowed fabric, whose yarns run in an arc, that axis turns along the sheet: by ``turn_x_rad`` from
+    the middle to the sheet's end along x, by ``turn_y_rad`` along y.
     """
 
     name: ClassVar[str] = "sheet_anisotropy"
@@ -33,8 +36,8 @@ class SheetAnisotropy(SheetEffect):
 
     stretch_x: float = parameter("1", -2.5, 2.5, 0.0, 0.05, "logarithm of the conductance along x over that along y")
     stretch_diagonal: float = parameter("1", -2.5, 2.5, 0.0, 0.05, "the same for the two diagonals")
-    bow_x: float = parameter("1", -2.5, 2.5, 0.0, 0.05, "by how much that grows to the end along x", defining=False)
-    bow_y: float = parameter("1", -2.5, 2.5, 0.0, 0.05, "by how much it grows to the end along y", defining=False)
+    turn_x_rad: float = parameter("rad", -1.5, 1.5, 0.0, 0.3, "turn of the axis to the end along x", defining=False)
+    turn_y_rad: float = parameter("rad", -1.5, 1.5, 0.0, 0.3, "turn of the axis to the end along y", defining=False)
 
     @property
     def ratio(self) -> float:
@@ -53,13 +56,16 @@ class SheetAnisotropy(SheetEffect):
     def tensor(self, position_m: Array, extent_m: Array) -> Array:
         """(N,3) [xx, xy, yy] of the conductance tensor with unit determinant at points (N,2) of a sheet (2,2); (1,3)
         where it is the same everywhere."""
-        diagonal = np.array([self.stretch_diagonal])
-        if self.bow_x or self.bow_y:
+        size = float(np.hypot(self.stretch_x, self.stretch_diagonal))
+        even = np.cosh(size / 2)
+        odd = np.sinh(size / 2) / size if size > 0 else 0.5
+        turn = np.zeros(1)
+        if self.turn_x_rad or self.turn_y_rad:
             low, high = extent_m
-            diagonal = diagonal + (2 * (position_m - low) / (high - low) - 1) @ [self.bow_x, self.bow_y]
-        size = np.hypot(self.stretch_x, diagonal)
-        even, odd = np.cosh(size / 2), 0.5 * np.sinc(size / 2 * 1j / np.pi).real
-        return np.stack([even + odd * self.stretch_x, odd * diagonal, even - odd * self.stretch_x], axis=1)
+            turn = 2 * (2 * (position_m - low) / (high - low) - 1) @ [self.turn_x_rad, self.turn_y_rad]
+        x = np.cos(turn) * self.stretch_x - np.sin(turn) * self.stretch_diagonal
+        diagonal = np.sin(turn) * self.stretch_x + np.cos(turn) * self.stretch_diagonal
+        return np.stack([even + odd * x, odd * diagonal, even - odd * x], axis=1)
 
     def conductivity_s(self, conductivity_s: Array, position_m: Array, extent_m: Array) -> Array:
         if conductivity_s.shape[-1] == 3 and conductivity_s.shape[-2] == len(position_m):
@@ -68,6 +74,8 @@ class SheetAnisotropy(SheetEffect):
 
     @classmethod
     def reading_starts(cls, sensor: Sensor, protocol: Protocol) -> tuple[Start, ...]:
+        """The same axis everywhere, and one that turns along the sheet."""
         both = ("stretch_x", "stretch_diagonal")
-        bowed = (*both, "bow_x", "bow_y")
-        return Start(cls(), both, both), Start(cls(), bowed, bowed)
+        turns = [(x, 0.0) for x in TURNS_RAD] + [(0.0, y) for y in TURNS_RAD]
+        turned = tuple(Start(cls(0.0, 0.0, *turn), (*both, "turn_x_rad", "turn_y_rad"), both) for turn in turns)
+        return Start(cls(), both, both), *turned
