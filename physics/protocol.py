@@ -131,6 +131,13 @@ class Protocol:
         return int(self.taken.sum())
 
     @property
+    def duration_s(self) -> float:
+        """How long a scan takes, at least from its first injection to its last; nought where that isn't known."""
+        if self.scan_s:
+            return self.scan_s
+        return 0.0 if self.injection_offset_s is None else float(np.ptp(self.injection_offset_s))
+
+    @property
     def timed(self) -> bool:
         """Whether it is known that the injections are read one after another."""
         return self.injection_offset_s is not None and bool(np.ptp(self.injection_offset_s) > 0)

@@ -66,10 +66,10 @@ class AdcSaturation(AcquisitionEffect):
             return voltage_v
         straight_v, size_v = self.straight_share * self.level_v, np.abs(voltage_v)
         beyond_v = np.maximum(size_v - straight_v, 0.0)
-        with np.errstate(divide="ignore"):
+        # In logarithms, for a power of what is far beyond the level overflows; readings not taken are NaN.
+        with np.errstate(divide="ignore", invalid="ignore"):
             part_log = np.log(self._bend) + self.sharpness * np.log(beyond_v / (self.level_v - straight_v))
-        # In logarithms, for a power of what is far beyond the level overflows.
-        lost_v = beyond_v * -np.expm1(-np.logaddexp(0.0, part_log) / self.sharpness)
+            lost_v = beyond_v * -np.expm1(-np.logaddexp(0.0, part_log) / self.sharpness)
         return np.asarray(voltage_v - np.copysign(lost_v, voltage_v))
 
     @property

@@ -58,8 +58,8 @@ class Hypothesis:
     """An effect as a hypothesis about a recording.
 
     ``axes`` along which its misfit changes; ``signals`` that show it; ``needs`` of a recording; ``held`` parameters
-    that a skin's recording is too short to free; ``also_in_readings`` parameters of an effect of the force that only
-    the readings show; ``field``: a smooth field, its ``nodes``, may stand in its place; ``must_show_at_rest``: no name
+    that the forces of a skin's recording don't tell; ``also_in_readings`` parameters of an effect of the force that
+    only the readings show; ``field``: a smooth field, its ``nodes``, may stand in its place; ``must_show_at_rest``: no name
     unless the frames at rest show it too; ``measured``: what of it is measured directly, where anything is.
     """
 

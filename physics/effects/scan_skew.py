@@ -63,10 +63,9 @@ class ScanSkew(MotionEffect):
 
     @classmethod
     def force_starts(cls) -> tuple[Start, ...]:
-        """On its way to the next depth, and arriving only after the scan: a mean force tells no more than how far
-        off the command the stage is on average."""
-        speed = cls.parameters()["speed_m_per_s"].typical
-        return tuple(Start(cls(speed, at_s), ("speed_m_per_s",)) for at_s in (0.0, 0.5))
+        """On its way to the next depth from the scan's beginning on: a mean force tells no more than how far ahead the
+        stage is on average. Behind it may be for play alone, which is no motion."""
+        return (Start(cls(cls.parameters()["speed_m_per_s"].typical), ("speed_m_per_s",)),)
 
     def quantities(self, standard: Standard) -> dict[str, float]:
         """Part of the way to the next depth that is made while a scan is taken."""

@@ -311,7 +311,8 @@ def stated(touch, spline, error, widening, covariance):  # type: ignore[no-untyp
             for b in range(3):
                 covariance[c, a, b] *= (touch[c, 2] if a == 2 else 1.0) * (touch[c, 2] if b == 2 else 1.0)
             covariance[c, a, a] += (error[a] * (per_size_n if a == 2 else 1.0)) ** 2
-        covariance[c, 2, 2] += (error[3] * touch[c, 2]) ** 2
         for a in range(3):
             for b in range(3):
                 covariance[c, a, b] *= widening
+        # Presses that the same load cell read have had no part in the widening of this.
+        covariance[c, 2, 2] += (error[3] * touch[c, 2]) ** 2

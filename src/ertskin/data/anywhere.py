@@ -91,10 +91,10 @@ def anywhere_skin(config: DictConfig, recording: Recording) -> AnywhereSkin:
     whole = touch_model(forward.protocol, table, noise, touches, config.data.discrepancy)
     taxel_m = grid_m(config.grid, forward.calibration.known_sensor)
     model = whole.strongest(int(config.data.components))
-    model = model.with_force_error(checked(Stated, config.data.stated, "data.stated").load_cell_error)
     if touches is not None and len(whole.unseen_v):
         known = pressed(touches).history
         model = model.widened(known.contact_m[:, 0], known.force_n[:, 0], FELT_N)
+    model = model.with_force_error(checked(Stated, config.data.stated, "data.stated").load_cell_error)
     words = repr((checksum, asdict(plan), config.data.components)).encode() + whole.table.response.tobytes()
     key = hashlib.sha256(words).hexdigest()
     return AnywhereSkin(forward.protocol, noise, whole, model, taxel_m, *drawn(table, plan), plan.seed, key)

@@ -22,7 +22,7 @@ STATED = 0.9
 class ModelError:
     """What a response may err by, as ``TouchPosterior`` takes it: ``shape_spread`` (3,), and ``error`` (3,) of x, y
     (metre) and along its slope by force, as a share of the response, or (4,), a share of the force with it;
-    ``widening`` of the covariances all this gives."""
+    ``widening`` of the covariances all this gives, but for that share of the force."""
 
     shape_spread: Array
     remainder: float
@@ -52,7 +52,7 @@ class TouchModel:
     def along(self, directions: Array) -> TouchModel:
         """The same in coordinates as near as can be to ``directions`` (n,D) of another noise, white in this one."""
         whole = self.whole or self
-        return whole._seen(nearest_directions(whole.matrix, directions))
+        return replace(whole._seen(nearest_directions(whole.matrix, directions)), error=self.error)
 
     def _seen(self, turned: Array) -> TouchModel:
         return replace(self, table=self.table.seen(turned), matrix=self.matrix @ turned, whole=self)

@@ -58,8 +58,20 @@ def test_forces_are_no_surer_than_the_load_cell() -> None:
     assert held(allowed, place, 1.06 * force, seen) > 0.5
     starts = np.column_stack([place, force])[:, None]
     before, after = (one.posterior(0.1).of(seen, starts) for one in (by_the_cell, allowed))
-    added = after.covariance[:, 0, 2, 2] - before.covariance[:, 0, 2, 2]
-    np.testing.assert_allclose(added, (0.05 * before.force_n[:, 0]) ** 2, rtol=1e-6)
+    added = after.covariance[:, 0] - before.covariance[:, 0]
+    np.testing.assert_allclose(added[:, 2, 2], (0.05 * before.force_n[:, 0]) ** 2, rtol=1e-6)
+    added[:, 2, 2] = 0.0
+    np.testing.assert_array_equal(added, 0.0)
+
+
+def test_the_load_cells_error_is_kept_beside_a_widening_and_in_other_directions() -> None:
+    place, force, seen = presses(0, 200, 6e-4)
+    wide = model(seen).widened(place, force, 0.1)
+    allowed = wide.with_force_error(0.05).along(np.eye(42))
+    starts = np.column_stack([place, force])[:, None]
+    before, after = (one.posterior(0.1).of(seen, starts).covariance[:, 0, 2, 2] for one in (wide, allowed))
+    assert wide.error.widening > 1.5
+    np.testing.assert_allclose(after - before, (0.05 * force) ** 2, rtol=0.1)
 
 
 @pytest.mark.parametrize("places", [9, 12, 36])

@@ -161,20 +161,31 @@ def test_force_stage_names_what_the_load_cell_shows(hidden) -> None:
     assert best.chi_square <= plain.chi_square
 
 
-@pytest.mark.parametrize("ahead", [0.08, -0.08])
-def test_a_stage_that_moves_while_force_is_read_is_no_foam(ahead: float) -> None:
-    """Of a step, a share of the next is made within the scan already, or a share of this one is not yet made."""
+@pytest.mark.parametrize("scan_s", [0.02, 0.4, 2.0])
+def test_a_stage_that_moves_while_force_is_read_is_no_foam(scan_s: float) -> None:
+    """A share of the next step is made within the scan already."""
     history = strokes(9)
     way_m = np.gradient(np.nan_to_num(history.depth_m), axis=0)
     moving = np.isin(history.phase, [Phase.LOADING, Phase.UNLOADING])[:, None]
-    depth_m = np.clip(history.depth_m + ahead * np.where(moving, way_m, 0.0), 0.0, np.nanmax(history.depth_m))
+    depth_m = np.clip(history.depth_m + 0.08 * np.where(moving, way_m, 0.0), 0.0, np.nanmax(history.depth_m))
     force = foam_force_n(history, 1800.0, 9000.0, 0.004, (), depth_m)
     force = force + 0.01 * np.random.default_rng(3).standard_normal(force.shape)
-    data = ForceData(replace(history, force_n=force), 0.01, 9000.0, 1e-3, 0.004, scan_s=0.4)
+    data = ForceData(replace(history, force_n=force), 0.01, 9000.0, 1e-3, 0.004, scan_s)
     best = select_force_effects(data, history.press % 3, 10.0, 0.1)[1]
     assert [effect.name for effect in best.effects] == ["scan_skew"]
-    assert (best.effects[0].at_s == 0.0) == (ahead > 0)  # type: ignore[union-attr]
+    assert best.effects[0].speed_m_per_s * scan_s / 2 == pytest.approx(0.08 * 0.5e-3, rel=0.2)  # type: ignore[union-attr]
     assert best.foam == ()
+
+
+def test_play_of_the_stage_is_no_motion() -> None:
+    """A stage whose screw has play lags behind whichever way it goes, however long one waits."""
+    history = strokes(9)
+    late = np.where(history.phase == Phase.UNLOADING, 20e-6, 0.0)[:, None]
+    force = foam_force_n(history, 1800.0, 9000.0, 0.004, (), history.depth_m + late)
+    force = force + 0.01 * np.random.default_rng(3).standard_normal(force.shape)
+    data = ForceData(replace(history, force_n=force), 0.01, 9000.0, 1e-3, 0.004, 0.4)
+    best = select_force_effects(data, history.press % 3, 10.0, 0.1)[1]
+    assert "scan_skew" not in [effect.name for effect in best.effects]
 
 
 def test_what_an_effects_form_leaves_gets_no_name() -> None:

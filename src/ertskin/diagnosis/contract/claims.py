@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ertskin.calibration.result import Calibration
 from ertskin.diagnosis.criteria import Criteria
 from ertskin.diagnosis.judge.repeatability import Repeatability
-from ertskin.physics.effects.effect import Effect, Parameter
+from ertskin.physics.effects.effect import Effect, Parameter, Stage
 
 LEVEL = 0.9
 QUANTILE = 1.645
@@ -95,7 +95,7 @@ class Claim:
 
     ``rivals``: what else was fitted in its stead; ``reasons`` for the confidence, in the order in which they count.
     ``quantities`` mean the same in any form of the effect; ``field_map`` is of an effect that has a
-    field.
+    field. ``by_force``: force over depth alone has named it.
     """
 
     effect: Effect
@@ -107,6 +107,13 @@ class Claim:
     reasons: tuple[Reason, ...] = ()
     quantities: dict[str, Estimate] = field(default_factory=dict)
     field_map: FieldMap | None = None
+    by_force: bool = False
+
+    @property
+    def in_readings(self) -> bool:
+        """Whether readings change with it: what the load cell alone knows of a stage that moves is no more than where
+        it is on average."""
+        return not (self.by_force and self.effect.stage == Stage.ACQUISITION)
 
     @property
     def shown(self) -> dict[str, Estimate]:
@@ -199,7 +206,7 @@ class Diagnosis:
         presses are few, those that all of them show."""
         if self.of_all_presses is not None:
             return self.of_all_presses
-        return () if self.spoilt else tuple(claim.effect for claim in self.claims)
+        return () if self.spoilt else tuple(claim.effect for claim in self.claims if claim.in_readings)
 
     def plain(self) -> dict[str, Any]:
         """The contract's dictionary."""

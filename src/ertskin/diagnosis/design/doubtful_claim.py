@@ -19,9 +19,15 @@ SERIOUS = 25.0
 
 
 def doubted(claims: Sequence[Claim]) -> tuple[Claim, Rival] | None:
-    """The least settled claim that has a serious rival, and the nearest of its rivals."""
-    for claim in sorted(claims, key=lambda c: c.confidence):
-        rivals = sorted((r for r in claim.rivals if r.short < SERIOUS), key=lambda r: r.short)
+    """The least settled claim that has a serious rival, and the nearest of its rivals.
+
+    Presses are designed by what readings and the foam's force tell: a stage that moves while the load cell is read is
+    no rival there.
+    """
+    for claim in sorted((c for c in claims if c.in_readings), key=lambda c: c.confidence):
+        serious = (r for r in claim.rivals if r.short < SERIOUS)
+        still = (r for r in serious if not (claim.by_force and isinstance(r.effect, MotionEffect)))
+        rivals = sorted(still, key=lambda r: r.short)
         if claim.confidence < SETTLED and rivals:
             return claim, rivals[0]
     return None

@@ -1,4 +1,4 @@
-"""What force and depth say by themselves: the foam's effects, the misfit before and after, whether more is off."""
+"""What force and depth say by themselves: effects of foam and stage, the misfit before and after, whether more is off."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ SUPPORT_SHARE = 1e-3
 
 @dataclass(frozen=True)
 class ForceAnswer:
-    """Claims of the foam's effects; rms misfits in newton, None without forces; ``off`` where more is missing."""
+    """Claims of effects of foam and stage; rms misfits in newton, None without forces; ``off`` where more is missing."""
 
     claims: tuple[Claim, ...]
     before_n: float | None
@@ -63,7 +63,7 @@ def _predicted_n(evidence: Evidence, baseline: Baseline, fit: ForceFit, held: In
 
 def _data(evidence: Evidence, baseline: Baseline, fit: ForceFit) -> ForceData:
     thickness_m = evidence.sensor.layers[0].thickness_m
-    noise_n, scan_s = baseline.force_noise.rms_n, evidence.protocol.scan_s or 0.0
+    noise_n, scan_s = baseline.force_noise.rms_n, evidence.protocol.duration_s
     return ForceData(evidence.history, noise_n, fit.support_n_per_m, SUPPORT_SHARE, thickness_m, scan_s)
 
 
@@ -100,7 +100,7 @@ def _claim(evidence: Evidence, baseline: Baseline, best: ForceFit, effect: Force
     alone = float(np.sqrt(max(1.0, 1 + (without.chi_square - best.chi_square) / count)))
     rivals = _rivals(data, best, rest, effect)
     confidence, alternatives = against(rivals, evidence.criteria)
-    return Claim(effect, confidence, alone, _estimates(best, effect), alternatives, rivals)
+    return Claim(effect, confidence, alone, _estimates(best, effect), alternatives, rivals, by_force=True)
 
 
 def _rivals(data: ForceData, best: ForceFit, rest: list[ForceEffect], effect: ForceEffect) -> tuple[Rival, ...]:

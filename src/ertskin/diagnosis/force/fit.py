@@ -34,8 +34,8 @@ def force_starts() -> dict[str, list[ForceEffect]]:
 
 @dataclass(frozen=True, eq=False)
 class ForceData:
-    """Forces to explain, each the mean over ``scan_s``: history, ``noise_n``, the support's stiffness with its error,
-    the foam's thickness."""
+    """Forces to explain, each read over a scan of ``scan_s`` seconds: history, ``noise_n``, the support's stiffness with
+    its error, the foam's thickness."""
 
     history: History
     noise_n: float

@@ -46,7 +46,7 @@ def left_over(
     """
 
     def share(claim: Claim) -> float:
-        if claim.effect.stage == Stage.MECHANICS:
+        if claim.effect.stage == Stage.MECHANICS or claim.by_force:
             return 1.0
         placed = "where" in _kind(claim)
         return _explained(before, after if placed or presses_free is None else presses_free, criteria)
@@ -79,7 +79,8 @@ def mending(claims: Sequence[Claim], criteria: Criteria, shown: Collection[str] 
         kin = [c for c in claims if c.effect.name != claim.effect.name and _kind(c) & _kind(claim)]
         strongest = max(kin, key=_excess, default=None)
         share = 1.0 if strongest is None else _excess(claim) / max(criteria.form_share * _excess(strongest), 1e-12)
-        sure = shown_by(claim.effect, Signal.NONRECIPROCAL) or claim.effect.name in shown
+        seen_beyond = shown_by(claim.effect, Signal.NONRECIPROCAL) and not claim.by_force
+        sure = seen_beyond or claim.effect.name in shown
         if strongest is None or share >= 1 or sure:
             found.append(claim)
             continue

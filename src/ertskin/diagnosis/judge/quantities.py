@@ -113,7 +113,7 @@ def field_map(effect: Effect, sensor: Sensor) -> FieldMap | None:
 
 def standard_of(sensor: Sensor, protocol: Protocol, history: History) -> Standard:
     """The conditions that a skin's recording sets, but for its fabric."""
-    depth, offset = history.depth_m, protocol.injection_offset_s
+    depth = history.depth_m
     deeper = np.diff(depth, axis=0)[(history.phase[1:] == Phase.LOADING) & (np.diff(history.press) == 0)]
     deeper = deeper[np.isfinite(deeper) & (deeper > 0)]
     return Standard(
@@ -122,7 +122,7 @@ def standard_of(sensor: Sensor, protocol: Protocol, history: History) -> Standar
         deepest_m=float(np.nanmax(depth)) if np.isfinite(depth).any() else np.nan,
         foam_m=sensor.layers[0].thickness_m if sensor.layers else np.nan,
         step_m=float(np.median(deeper)) if deeper.size else np.nan,
-        scan_s=protocol.scan_s or (float(np.ptp(offset)) if offset is not None else np.nan),
+        scan_s=protocol.duration_s or np.nan,
         point_m=sensor.taxel_m,
         extent_m=sensor.extent_m,
     )

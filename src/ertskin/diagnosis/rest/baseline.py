@@ -126,7 +126,7 @@ def _force_stage(
         stiff = support.stiffness_n_per_m
         error = max(support.standard_error_n_per_m / stiff, 1e-5)
     foam_m = evidence.sensor.layers[0].thickness_m
-    data = ForceData(evidence.history, noise_n, stiff, error, foam_m, evidence.protocol.scan_s or 0.0)
+    data = ForceData(evidence.history, noise_n, stiff, error, foam_m, evidence.protocol.duration_s)
     if data.used.sum() < 20:
         return None, None
     folds = np.unique(evidence.history.press, return_inverse=True)[1] % 3

@@ -24,9 +24,7 @@ def gained(without: Solved, present: Solved, partitions: Sequence[Sequence[int]]
     gain = float(np.clip(foretold, -np.abs(told), np.abs(told)).clip(max=told).sum())
     before, after = (float(solved.fit.quadratic.cost[:-1].sum()) for solved in (without, present))
     evidence = before - after - freedom(present) + freedom(without)
-    if after < (1 - criteria.most_share) * before:
-        return evidence
-    return min(gain, evidence) if freedom(present) > freedom(without) else gain
+    return evidence if after < (1 - criteria.most_share) * before else min(gain, evidence)
 
 
 def freedom(solved: Solved) -> float:

@@ -12,7 +12,7 @@ from ertskin.diagnosis.fit.nonreciprocal import AcquisitionSignal
 from ertskin.diagnosis.linear.linear_skin import LinearSkin
 from ertskin.diagnosis.recording.evidence import Evidence
 from ertskin.physics.effects.contact_drift import ContactDrift
-from ertskin.physics.effects.effect import Effect, SheetEffect, shown_by
+from ertskin.physics.effects.effect import Effect, FoamEffect, SheetEffect, shown_by
 from ertskin.physics.effects.hypothesis import Measured, Signal
 from ertskin.physics.effects.registry import effect_classes
 from ertskin.physics.history import History
@@ -78,7 +78,7 @@ def held(skin: Skin, linear: LinearSkin, effect: Effect, within: float) -> None:
     whole = Skin.build(
         skin.sensor, protocol, skin.piezo, skin.contact_resistance_ohm, skin.support_n_per_m, (effect,), SMALL
     )
-    force_n = np.nan_to_num(whole.force_n(linear.history)) if shown_by(effect, Signal.FORCE) else linear.force_n
+    force_n = np.nan_to_num(whole.force_n(linear.history)) if isinstance(effect, FoamEffect) else linear.force_n
     before = skin.readings_v(linear.history, force_n).reshape(len(linear.history), -1)
     after = whole.readings_v(linear.history, force_n).reshape(len(linear.history), -1)
     known = replace(evidence_of(skin, linear.history), protocol=protocol)
@@ -90,7 +90,7 @@ def held(skin: Skin, linear: LinearSkin, effect: Effect, within: float) -> None:
     change = (after - before) @ protocol.orthonormal
     beyond = (after - before) - change @ protocol.orthonormal.T
     largest = max(np.abs(change).max(), np.abs(beyond).max())
-    assert largest > 0 or shown_by(effect, Signal.FORCE)
+    assert largest > 0 or isinstance(effect, FoamEffect)
     np.testing.assert_allclose(seen, change, atol=within * largest + 1e-9)
     if shown_by(effect, Signal.NONRECIPROCAL):
         np.testing.assert_allclose(signal.leftover(changed), beyond, atol=within * largest + 1e-9)

@@ -45,3 +45,13 @@ def test_a_smooth_field_pays_for_its_freedom() -> None:
     solved = fit([1.0], (Term(SheetInhomogeneity(), (), modes, (1.0, -2.0)),), curved)
     assert gain.freedom(solved) == pytest.approx(0.5 * 5.0 + 0.5 * np.log(4.0 * 16.0))
     assert gain.freedom(fit([1.0])) == 0.0
+
+
+def test_a_smooth_field_gains_no_more_than_its_evidence(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It may foretell cells as well as two numbers do, and has a hundred."""
+    curved = np.zeros((3, 3, 3))
+    curved[0] = np.diag([7.0, 3.0, 15.0])
+    without = fit([100.0, 100.0])
+    present = fit([80.0, 80.0], (Term(SheetInhomogeneity(), (), Modes(np.zeros((2, 2, 2))), (1.0, -2.0)),), curved)
+    foretold(monkeypatch, without, ([100.0, 100.0], [80.0, 80.0]))
+    assert gain.gained(without, present, [[0], [1]], DEFAULT) == pytest.approx(40.0 - gain.freedom(present))
