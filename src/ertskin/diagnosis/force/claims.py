@@ -1,4 +1,4 @@
-"""What force and depth say by themselves: effects of foam and stage, the misfit before and after, whether more is off."""
+"""What force and depth say by themselves: effects of foam and stage, misfits before and after, whether more is off."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ SUPPORT_SHARE = 1e-3
 
 @dataclass(frozen=True)
 class ForceAnswer:
-    """Claims of effects of foam and stage; rms misfits in newton, None without forces; ``off`` where more is missing."""
+    """Claims of effects of foam and stage; rms misfits in newton, None without forces; ``off`` where more is off."""
 
     claims: tuple[Claim, ...]
     before_n: float | None

@@ -34,7 +34,7 @@ def force_starts() -> dict[str, list[ForceEffect]]:
 
 @dataclass(frozen=True, eq=False)
 class ForceData:
-    """Forces to explain, each read over a scan of ``scan_s`` seconds: history, ``noise_n``, the support's stiffness with
+    """Forces to explain, each read over a scan of ``scan_s`` seconds: history, ``noise_n``, the support's stiffness and
     its error, the foam's thickness."""
 
     history: History
