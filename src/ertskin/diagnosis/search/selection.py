@@ -16,7 +16,7 @@ from ertskin.diagnosis.search.candidates import screen
 from ertskin.diagnosis.search.form_error import form_error
 from ertskin.diagnosis.search.forms import freer
 from ertskin.diagnosis.search.gain import gained
-from ertskin.diagnosis.search.smooth_fields import with_smooth_fields
+from ertskin.diagnosis.search.smooth_fields import with_smooth_field, with_smooth_fields
 from ertskin.diagnosis.search.trials import (
     KNOWN,
     Trial,
@@ -164,6 +164,8 @@ class _Search:
         least = worth_a_name(problem, current)
         trials = trials_of(problem, current, found, self.partitions, left)
         entered = _first_to_hold(self.build, here, [t for t in trials if t.gain >= least])
+        if entered is not None:
+            entered = _of_few_numbers(self.build, here, entered, trials, self.partitions)
         self.tried += [_as_tried(t, entered is not None and t.term == entered[0].term) for t in trials]
         if left >= least:
             named = entered is not None and entered[0].term.name not in {t.name for t in current.terms}
@@ -286,6 +288,39 @@ def _first_to_hold(build: Problem, here: Standing, trials: Sequence[Trial]) -> t
             form, there = min(held, key=lambda pair: pair[1].misfit)
             return replace(form, gain=first.gain), there
     return None
+
+
+def _of_few_numbers(
+    build: Problem,
+    here: Standing,
+    entered: tuple[Trial, Standing],
+    trials: Sequence[Trial],
+    partitions: Sequence[Sequence[int]],
+) -> tuple[Trial, Standing]:
+    """A trial of few numbers in place of the smooth field that ``entered``, where it gains most of that and the field
+    explains what it leaves at less expense than everything.
+
+    Any sharp cause looks like a field that is sharp there: a pad out of place like a hill under it.
+    """
+    field, there = entered
+    if field.term.modes is None:
+        return entered
+    criteria = here.problem.evidence.criteria
+    for trial in trials:
+        if trial.term.modes is not None or trial.term.name == field.term.name:
+            continue
+        if trial.gain < criteria.most_share * field.gain:
+            continue
+        beside = _where_it_settles(build, None, trial.solved)
+        if beside is None or beside.spoils(here):
+            continue
+        solved, bare = beside.solved, Term(type(field.term.effect)(), ())
+        begun = beside.problem.solve([*solved.terms, bare], solved.calibration, steps=0)
+        both = with_smooth_field(beside.problem, begun, len(solved.terms), partitions) or solved
+        likelier = unlikely(there.solved) - unlikely(both)
+        if likelier > criteria.significant_gain:
+            return replace(trial, gain=field.gain + likelier), beside
+    return entered
 
 
 def _where_it_settles(build: Problem, problem: VoltageProblem | None, solved: Solved) -> Standing | None:
