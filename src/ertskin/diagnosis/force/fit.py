@@ -95,41 +95,39 @@ def fit_force(
 ) -> ForceFit:
     """Least squares over the frames ``rows`` (T,); the whole history drives the memories all the same."""
     used = data.used if rows is None else data.used & rows[:, None]
-    names: list[str] = ["pad", "support"]
-    low, high, scale = [-4.0, -0.5], [4.0, 0.5], [0.1, 0.01]
+    known = [(effect, key, p) for effect in effects for key, p in free_parameters(effect).items()]
+    names = ("pad", "support", *(f"{effect.name}.{key}" for effect, key, _ in known))
+    low = np.array([-4.0, -0.5, *(p.low for _, _, p in known)])
+    high = np.array([4.0, 0.5, *(p.high for _, _, p in known)])
+    scale = np.array([0.1, 0.01, *(p.typical for _, _, p in known)])
     pad_start = _stiffness_n_per_m(data, used)
-    begin = [0.0, 0.0] if start is None else [float(np.log(start.pad_n_per_m / pad_start)), 0.0]
-    for effect in effects:
-        for key, p in free_parameters(effect).items():
-            names.append(f"{effect.name}.{key}")
-            low.append(p.low)
-            high.append(p.high)
-            scale.append(p.typical)
-            begin.append(float(getattr(effect, key)))
+    pad_begin = 0.0 if start is None else float(np.log(start.pad_n_per_m / pad_start))
+    begin = [pad_begin, 0.0, *(float(getattr(effect, key)) for effect, key, _ in known)]
 
     def model(x: Array) -> tuple[float, float, tuple[ForceEffect, ...], Array]:
-        pad, support = pad_start * np.exp(x[0]), data.support_n_per_m * (1 + x[1])
-        built, k = [], 2
-        for effect in effects:
-            keys = list(free_parameters(effect))
-            built.append(replace(effect, **dict(zip(keys, map(float, x[k : k + len(keys)]), strict=True))))
-            k += len(keys)
-        force = data.force_n(pad, support, built)
-        return float(pad), float(support), tuple(built), force
+        pad, support = float(pad_start * np.exp(x[0])), float(data.support_n_per_m * (1 + x[1]))
+        built = _with_values(effects, x[2:])
+        return pad, support, built, data.force_n(pad, support, built)
 
     def residuals(x: Array) -> Array:
         force = model(x)[3]
         wrong = np.clip((force[used] - data.history.force_n[used]) / data.noise_n, -1e4, 1e4)
         return np.append(wrong, x[1] / data.support_error)
 
-    x0 = np.clip(begin, np.array(low) + INSIDE, np.array(high) - INSIDE)
+    x0 = np.clip(begin, low + INSIDE, high - INSIDE)
     found = least_squares(
         residuals, x0, bounds=(low, high), x_scale=scale, diff_step=1e-4, max_nfev=25, xtol=1e-5, ftol=1e-6
     )
     pad, support, built, force = model(found.x)
     whole = np.where(data.used, (data.history.force_n - force) / data.noise_n, np.nan)
     covariance = np.linalg.pinv(found.jac.T @ found.jac)
-    return ForceFit(pad, support, built, force, whole, tuple(names), found.x, covariance)
+    return ForceFit(pad, support, built, force, whole, names, found.x, covariance)
+
+
+def _with_values(effects: Sequence[ForceEffect], x: Array) -> tuple[ForceEffect, ...]:
+    """The effects with their free parameters set to ``x`` (P,), in their order."""
+    values = iter(map(float, x))
+    return tuple(replace(effect, **{key: next(values) for key in free_parameters(effect)}) for effect in effects)
 
 
 def _stiffness_n_per_m(data: ForceData, used: NDArray[np.bool_]) -> float:
