@@ -68,6 +68,36 @@ def test_descent_finds_a_bounded_minimum() -> None:
     assert fit.value[0] == pytest.approx(matrix[:, 0] @ wrong / (matrix[:, 0] @ matrix[:, 0]), rel=1e-6)
 
 
+def test_no_step_of_a_descent_is_longer_than_asked() -> None:
+    """The second number hardly shows until it is near: one Newton step takes it out of sight."""
+    target = np.array([1.0, 1.0])
+
+    def shown(x):
+        return np.array([x[0] + 0.1 * x[1], 2.0 / (1 + x[1] ** 2)])
+
+    def slope(x):
+        return np.array([[1.0, 0.1], [0.0, -4.0 * x[1] / (1 + x[1] ** 2) ** 2]])
+
+    asked = []
+
+    def cost(x):
+        asked.append(x)
+        return 0.5e4 * float(((target - shown(x)) ** 2).sum())
+
+    def linearise(x):
+        matrix, wrong = 1e2 * slope(x), 1e2 * (target - shown(x))
+        return Quadratic(np.array([0.5 * wrong @ wrong]), (matrix.T @ wrong)[None], (matrix.T @ matrix)[None])
+
+    wide = np.full(2, 1e3)
+    fit = descend(
+        linearise, cost, np.array([0.0, 0.05]), -wide, wide, np.zeros(2), np.zeros(2), longest=np.array([np.inf, 0.5])
+    )
+    assert np.abs(np.diff([x[1] for x in asked])).max() <= 1.0
+    assert abs(asked[1][1] - 0.05) == pytest.approx(0.5)
+    assert fit.value[1] == pytest.approx(1.0, abs=1e-3)
+    assert fit.from_prior == pytest.approx(fit.value)
+
+
 def test_hats_sum_to_one_and_reproduce_a_plane() -> None:
     hats = Hats(np.array([0.0, 0.01]), np.array([0.05, 0.04]), 2e-3)
     at = np.random.default_rng(1).uniform([0.0, 0.01], [0.05, 0.04], (50, 2))

@@ -14,7 +14,7 @@ from ertskin.cores import in_threads
 from ertskin.diagnosis.fit.full_scans import full_scans
 from ertskin.diagnosis.fit.levenberg_marquardt import Fit, Quadratic, descend
 from ertskin.diagnosis.fit.nonreciprocal import AcquisitionSignal, acquires
-from ertskin.diagnosis.linear.calibration_vector import SHAPE, WIDEST_RATIO, Calibration, SkinFamily
+from ertskin.diagnosis.linear.calibration_vector import CONTACT_SPREAD, SHAPE, WIDEST_RATIO, Calibration, SkinFamily
 from ertskin.diagnosis.linear.linear_skin import Fields, LinearSkin
 from ertskin.diagnosis.recording.evidence import Evidence
 from ertskin.diagnosis.specimen.signal import SpecimenSignal
@@ -32,6 +32,8 @@ RATIO_PRIOR = 1.0
 SHAPE_PRIOR = 0.3
 HIGHER_PRIOR = 0.02
 """The law's coefficients above the fifth, which the paper's polynomial hasn't."""
+LONGEST_CONTACT_STEP = 1.5
+"""Of the logarithm of a contact resistance, in a step of the fit."""
 REACH = 5.0
 """Times what is typical of a parameter: as far as a quadratic about the fit can be believed."""
 SCALED = 0.7
@@ -217,7 +219,9 @@ class VoltageProblem:
         layout = _Layout(tuple(terms), len(start.vector()))
         begin = np.concatenate([start.vector(), *[t.start for t in terms]])
         low, high = layout.bounds(begin)
-        mean, precision = layout.prior(len(start.contact_ohm))
+        mean, precision = layout.prior(self.family.first.contact_resistance_ohm)
+        longest = np.full(len(begin), np.inf)
+        longest[1 : layout.ratio] = LONGEST_CONTACT_STEP
         fit = descend(
             lambda x: self._linearise(layout, x),
             lambda x: self._cost(layout, x),
@@ -227,6 +231,7 @@ class VoltageProblem:
             mean,
             precision,
             steps=steps,
+            longest=longest,
         )
         calibration, solved = layout.split(fit.value)
         skin = self.family.skin(calibration, [t.effect for t in solved])
@@ -446,15 +451,19 @@ class _Layout:
             low[k], high[k] = known.low, known.high
         return low, high
 
-    def prior(self, electrodes: int) -> tuple[Array, Array]:
+    def prior(self, contact_ohm: Array) -> tuple[Array, Array]:
+        """Mean and precision (n,) of the numbers; contacts are like most of those at rest ``contact_ohm`` (L,)."""
+        electrodes = len(contact_ohm)
         count = self.calibration + sum(t.count for t in self.terms)
-        precision = np.zeros(count)
+        mean, precision = np.zeros(count), np.zeros(count)
+        mean[1 : self.ratio] = np.median(np.log(contact_ohm))
+        precision[1 : self.ratio] = CONTACT_SPREAD**-2
         for _, where in self.fields:
             precision[where] = 1.0
         precision[1 + electrodes] = RATIO_PRIOR**-2
         precision[2 + electrodes : self.calibration] = SHAPE_PRIOR**-2
         precision[7 + electrodes : self.calibration] = HIGHER_PRIOR**-2
-        return np.zeros(count), precision
+        return mean, precision
 
 
 def held_out(solved: Solved, partitions: Sequence[Sequence[int]]) -> Array:
@@ -471,7 +480,7 @@ def held_out(solved: Solved, partitions: Sequence[Sequence[int]]) -> Array:
     for k, out in enumerate(partitions):
         inside = ~np.isin(cells, out)
         hessian = quadratic.hessian[inside].sum(axis=0) + solved.fit.prior
-        gradient = quadratic.gradient[inside].sum(axis=0) - shift * solved.fit.value * (shift > 0)
+        gradient = quadratic.gradient[inside].sum(axis=0) - shift * solved.fit.from_prior
         step = _step(hessian, gradient, numbers)
         for cell in out:
             change = -quadratic.gradient[cell] @ step + 0.5 * step @ quadratic.hessian[cell] @ step

@@ -28,12 +28,18 @@ class Quadratic:
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """Where the descent ended: values (n,), the quadratic there (prior not included), the prior's Hessian."""
+    """Where the descent ended: values (n,), the quadratic there (prior not included), the prior's Hessian and mean."""
 
     value: Array
     quadratic: Quadratic
     prior: Array
     steps: int
+    prior_mean: Array | float = 0.0
+
+    @property
+    def from_prior(self) -> Array:
+        """(n,) how far the values are from the prior's mean."""
+        return np.asarray(self.value - self.prior_mean)
 
     @property
     def covariance(self) -> Array:
@@ -63,10 +69,12 @@ def descend(
     *,
     steps: int = 12,
     tolerance: float = 0.05,
+    longest: Array | float = np.inf,
 ) -> Fit:
     """Minimise cost(x) + prior within bounds; ``cost`` and ``linearise`` are half chi-squares.
 
-    Stops when a step gains less than ``tolerance`` in half chi-square.
+    Stops when a step gains less than ``tolerance`` in half chi-square. No step is longer than ``longest`` (n,):
+    what the data hardly tell of would be taken to where nothing is as linearised.
     """
     value = np.clip(start, low, high)
     prior = np.diag(prior_precision)
@@ -82,7 +90,7 @@ def descend(
         taken += 1
         gradient = quadratic.gradient.sum(axis=0) - prior_precision * (value - prior_mean)
         hessian = quadratic.hessian.sum(axis=0) + prior
-        bounds = low, high
+        bounds = np.maximum(low, value - longest), np.minimum(high, value + longest)
         value, there, damping = _downhill(total, (value, here), gradient, hessian, bounds, damping, tolerance)
         gained, here = here - there, there
         if gained <= 0:
@@ -90,7 +98,7 @@ def descend(
         quadratic = linearise(value)
         if gained < tolerance:
             break
-    return Fit(value, quadratic, prior, taken)
+    return Fit(value, quadratic, prior, taken, prior_mean)
 
 
 def _downhill(

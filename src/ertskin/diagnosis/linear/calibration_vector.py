@@ -23,6 +23,9 @@ Array = NDArray[np.float64]
 SHAPE = 9
 """Chebyshev coefficients of the law that a fit may move: a law that is no fifth-order polynomial is no
 physics left out."""
+CONTACT_SPREAD = 2.0
+"""Standard deviation of the logarithms of the contacts on one skin, beforehand: it keeps those in their place that the
+readings hardly tell, as where driven electrodes aren't read."""
 SIZE_STEPS = 2
 WIDEST_RATIO = 2.5
 """How far the logarithm of the moduli's ratio may go: a foam twelve times as stiff as its data sheet says."""

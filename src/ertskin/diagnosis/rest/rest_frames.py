@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from ertskin.diagnosis.criteria import Criteria
+from ertskin.diagnosis.linear.calibration_vector import CONTACT_SPREAD
 from ertskin.diagnosis.linear.sensitivity import sheet_sensitivity, whitening_of_transfer
 from ertskin.diagnosis.recording.evidence import Evidence
 from ertskin.physics.effects.effect import Effect
@@ -90,12 +91,22 @@ def fitted_at_rest(skin: Skin, mean: Array) -> tuple[Skin, Array, Array]:
         slope = protocol.whitened(solution.jacobian_contact_resistance().T).T
         scan = protocol.whitened(solution.pair_resistance_ohm)
         columns = np.column_stack([slope * contacts, scan - slope @ contacts])
-        step = np.linalg.lstsq(columns, mean - scan, rcond=None)[0]
+        step = _step_at_rest(columns, mean - scan, np.log(contacts))
         contacts = np.clip(contacts * np.exp(np.clip(step[:-1], -1.5, 1.5)), 0.1, 1e7)
         zero = zero * float(np.exp(np.clip(step[-1], -0.3, 0.3)))
         if np.abs(step).max() < 1e-6:
             break
     return replace(skin, piezo=skin.piezo.scaled(zero), contact_resistance_ohm=contacts), columns, scan
+
+
+def _step_at_rest(columns: Array, residual: Array, log_contacts: Array) -> Array:
+    """(L+1,) Gauss-Newton's step. Contacts that the scan hardly tells, as where driven electrodes aren't read, stay
+    with most of the others: else they would go wherever a little misfit takes them."""
+    numbers, contacts = len(residual), len(log_contacts)
+    share = np.sqrt(residual @ residual / max(1, numbers - contacts - 1)) / CONTACT_SPREAD
+    pull = share * np.eye(contacts, contacts + 1)
+    wanted = np.concatenate([residual, share * (np.median(log_contacts) - log_contacts)])
+    return np.asarray(np.linalg.lstsq(np.vstack([columns, pull]), wanted, rcond=None)[0])
 
 
 # places that have not recovered ----------------------------------------------------------------------------------

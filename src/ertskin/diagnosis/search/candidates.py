@@ -245,7 +245,7 @@ def _bending(
     by_scans = float(gradient[:, -1].sum()), float(hessian[:, -1, -1].sum())
     add_leftover(problem, solved, (effect,), gradient, hessian)
     prior = np.append(solved.fit.prior.diagonal(), 0.0)
-    gain, step = held_out_gain(gradient, hessian, prior, solved.fit.value, partitions)
+    gain, step = held_out_gain(gradient, hessian, prior, solved.fit.from_prior, partitions)
     along, square = float(gradient[:, -1].sum()) - by_scans[0], float(hessian[:, -1, -1].sum()) - by_scans[1]
     (key,) = start.along
     known, size = effect.parameters()[key], float(getattr(effect, key))

@@ -25,14 +25,14 @@ def added_gain(
     """First-order held-out gain in half chi-square of adding columns (T,P,c) to the fit, and their coefficients."""
     gradient, hessian = with_columns(problem, solved, columns, base, specimen, specimen_columns)
     prior = np.concatenate([solved.fit.prior.diagonal(), np.zeros(columns.shape[-1])])
-    gain, step = held_out_gain(gradient, hessian, prior, solved.fit.value, partitions)
+    gain, step = held_out_gain(gradient, hessian, prior, solved.fit.from_prior, partitions)
     return gain, step[len(solved.fit.value) :]
 
 
 def held_out_gain(
     gradient: Array, hessian: Array, prior: Array, value: Array, partitions: Sequence[Sequence[int]]
 ) -> tuple[float, Array]:
-    """Held-out gain of the numbers added behind those of a fit with these values (n,), and the step (n+c,) of all.
+    """Held-out gain of numbers added behind those of a fit, ``value`` (n,) from the prior, and the step (n+c,) of all.
 
     From gradient (F,n+c) and Hessian (F,n+c,n+c) by cell and the ``prior``'s precisions (n+c,).
     """

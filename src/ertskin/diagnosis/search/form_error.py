@@ -58,7 +58,7 @@ def form_error(
     found = [FormError()]
     for spread in SPREADS:
         prior = np.concatenate([current.fit.prior.diagonal(), np.full(len(forms), spread**-2)])
-        gain, sizes = held_out_gain(*known, prior, current.fit.value, partitions)
+        gain, sizes = held_out_gain(*known, prior, current.fit.from_prior, partitions)
         found.append(FormError(forms, sizes, gain))
     return max(found, key=lambda error: error.gain)
 

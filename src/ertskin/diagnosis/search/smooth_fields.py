@@ -61,7 +61,8 @@ def node_shape(extent_m: Array) -> tuple[int, int]:
 @dataclass(frozen=True, eq=False)
 class NodeQuadratic:
     """A fit's quadratic with the values of a field at M nodes behind its other numbers: gradient (F,n+M) and Hessian
-    (F,n+M,n+M) by cell; ``prior`` (n,) and ``value`` (n,) of the other numbers. The field counts from nought."""
+    (F,n+M,n+M) by cell; ``prior`` (n,) of the other numbers, ``value`` (n,) theirs from its mean. The field counts from
+    nought."""
 
     gradient: Array
     hessian: Array
@@ -93,7 +94,7 @@ class NodeQuadratic:
         hessian[:, count:, :count] = hessian[:, :count, count:].transpose(0, 2, 1)
         if field := getattr(effects[number], "nodes", ()):
             gradient += hessian[:, :, count:] @ np.ravel(field)
-        prior, value = current.fit.prior.diagonal()[others], current.fit.value[others]
+        prior, value = current.fit.prior.diagonal()[others], current.fit.from_prior[others]
         return cls(gradient, hessian, prior, value)
 
     def along(self, directions: Array, precision: float, partitions: Sequence[Sequence[int]]) -> tuple[float, Array]:
