@@ -119,12 +119,14 @@ class Solved:
     """A joint fit: its terms at their best values, the calibration, the quadratic about it.
 
     ``scan_residual`` (T,P) in units of the noise; parameters in the order calibration, then the terms' free ones.
+    ``leftover``: whether what no resistor network explains is counted in the cost, too.
     """
 
     calibration: Calibration
     terms: tuple[Term, ...]
     fit: Fit
     scan_residual: Array
+    leftover: bool = False
 
     @property
     def effects(self) -> tuple[Effect, ...]:
@@ -235,12 +237,15 @@ class VoltageProblem:
         )
         calibration, solved = layout.split(fit.value)
         skin = self.family.skin(calibration, [t.effect for t in solved])
-        self._latest = Solved(calibration, solved, fit, self.scan_residual(skin))
+        counted = leftover or acquires(skin.effects)
+        self._latest = Solved(calibration, solved, fit, self.scan_residual(skin), counted)
         return self._latest
 
     def at_hand(self, solved: Solved) -> Solved:
         """The fit, or one step on from it, with its derivatives in ``last_columns``, where the latest fit's lie."""
-        return solved if solved is self._latest else self.solve(solved.terms, solved.calibration, steps=1)
+        if solved is self._latest:
+            return solved
+        return self.solve(solved.terms, solved.calibration, steps=1, leftover=solved.leftover)
 
     def _skin(self, layout: _Layout, x: Array) -> Skin:
         calibration, terms = layout.split(x)

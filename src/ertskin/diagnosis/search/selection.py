@@ -220,7 +220,8 @@ def _reconsidered(build: Problem, here: Standing) -> Standing:
     solved = here.solved
     if abs(solved.calibration.log_ratio) < RUN_AWAY * WIDEST_RATIO:
         return here
-    again = here.problem.solve(solved.terms, replace(solved.calibration, log_ratio=0.0))
+    nominal = replace(solved.calibration, log_ratio=0.0)
+    again = here.problem.solve(solved.terms, nominal, leftover=solved.leftover)
     if again.cost >= solved.cost:
         return here
     there = _where_it_settles(build, here.problem, again)
@@ -317,7 +318,8 @@ def _of_few_numbers(
         solved, bare = beside.solved, Term(type(field.term.effect)(), ())
         begun = beside.problem.solve([*solved.terms, bare], solved.calibration, steps=0)
         both = with_smooth_field(beside.problem, begun, len(solved.terms), partitions) or solved
-        likelier = unlikely(there.solved) - unlikely(both)
+        alone = there.problem.solve(there.solved.terms, there.solved.calibration, steps=1, leftover=both.leftover)
+        likelier = unlikely(alone) - unlikely(both)
         if likelier > criteria.significant_gain:
             return replace(trial, gain=field.gain + likelier), beside
     return entered
@@ -363,7 +365,7 @@ def _freed(here: Standing, partitions: Sequence[Sequence[int]]) -> Solved:
     for number, term in enumerate(current.terms):
         for form in freer(term):
             terms = [*current.terms[:number], form, *current.terms[number + 1 :]]
-            freed = problem.solve(terms, current.calibration)
+            freed = problem.solve(terms, current.calibration, leftover=current.leftover)
             gain = gained(current, freed, partitions, criteria)
             # No name hangs on a form, and so few numbers can't lower the misfit that much by chance.
             if gain > criteria.significant_gain or of_frames(freed) < STILL**2 * of_frames(current):

@@ -303,7 +303,7 @@ def with_smooth_field(
     if not process.modes.size or not np.isfinite(process.sizes).all():
         return None
     terms = [*current.terms[:number], process.of(current.terms[number], extent_m), *current.terms[number + 1 :]]
-    freed = problem.solve(terms, current.calibration, steps=STEPS)
+    freed = problem.solve(terms, current.calibration, steps=STEPS, leftover=current.leftover)
     if current.terms[number].modes is None:
         gain = current.cost + freedom(current) - freed.cost - freedom(freed)
     else:
