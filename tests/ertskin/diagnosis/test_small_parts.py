@@ -21,7 +21,8 @@ from ertskin.diagnosis.contract.claims import (
     verdict_of,
 )
 from ertskin.diagnosis.criteria import DEFAULT
-from ertskin.diagnosis.fit.levenberg_marquardt import Quadratic, descend
+from ertskin.diagnosis.fit.joint_fit import Solved, VoltageProblem
+from ertskin.diagnosis.fit.levenberg_marquardt import Fit, Quadratic, descend
 from ertskin.diagnosis.force.fit import ForceData, fit_force, force_starts, select_force_effects
 from ertskin.diagnosis.judge.held_out import broad_ratio
 from ertskin.diagnosis.linear.sensitivity import Hats
@@ -96,6 +97,22 @@ def test_no_step_of_a_descent_is_longer_than_asked() -> None:
     assert abs(asked[1][1] - 0.05) == pytest.approx(0.5)
     assert fit.value[1] == pytest.approx(1.0, abs=1e-3)
     assert fit.from_prior == pytest.approx(fit.value)
+
+
+def test_a_fit_taken_up_again_counts_what_it_counted() -> None:
+    asked: list[dict[str, object]] = []
+
+    class Problem(VoltageProblem):
+        def __init__(self) -> None:
+            self._latest = None
+
+        def solve(self, terms, start, **settings):
+            asked.append(settings)
+
+    fit = Fit(np.zeros(1), Quadratic(np.zeros(1), np.zeros((1, 1)), np.zeros((1, 1, 1))), np.zeros((1, 1)), 1)
+    for leftover in (True, False):
+        Problem().at_hand(Solved(None, (), fit, np.zeros((1, 1)), leftover))
+    assert [settings["leftover"] for settings in asked] == [True, False]
 
 
 def test_hats_sum_to_one_and_reproduce_a_plane() -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -13,10 +15,17 @@ from ertskin.diagnosis.rest.rest_frames import (
     _scatter,
     _shares,
     _undisturbed_mean,
+    fitted_at_rest,
     wandering,
     wanders,
 )
+from ertskin.hardware.virtual.bench.nominal import nominal_sensor
 from ertskin.physics.effects.contact_drift import ContactDrift
+from ertskin.physics.effects.sheet_anisotropy import SheetAnisotropy
+from ertskin.physics.history import History
+from ertskin.physics.piezo.polynomial import PiezoPolynomial
+from ertskin.physics.protocol import Protocol
+from ertskin.physics.skin import Skin
 
 CONTACTS, NUMBERS, FRAMES = 8, 60, 30
 EACH = np.arange(FRAMES)
@@ -207,3 +216,23 @@ def test_coloured_noise_is_known_as_well_as_it_says():
     stated = np.mean([noise.error for noise in found])
     assert stated == pytest.approx(rms.std() / rms.mean(), rel=0.4)
     assert _scatter(rng.standard_normal((FRAMES, NUMBERS)), EACH, columns, 1.0, DEFAULT).error == 0.0
+
+
+def test_contacts_that_hardly_show_stay_with_the_others() -> None:
+    """Neighbours drive, the others are read: a contact shows only by how it turns current aside under its pad. A sheet
+    that conducts better along one direction then bends contacts by all that they can give."""
+    sensor, law = nominal_sensor(), PiezoPolynomial(np.array([0.6, -0.4]), 6e4, 18e3)
+    pair = np.arange(sensor.electrodes)[:, None] + [0, 1]
+    pair %= sensor.electrodes
+    current = np.zeros((len(pair), sensor.electrodes))
+    np.put_along_axis(current, pair, [1e-3, -1e-3], axis=1)
+    apart = ~(pair[:, None, :, None] == pair[None, :, None, :]).any(axis=(2, 3))
+    protocol = replace(Protocol.differences(current, pair), measured=apart)
+    true_ohm = np.random.default_rng(0).uniform(100.0, 500.0, sensor.electrodes)
+    real = Skin.build(sensor, protocol, law, true_ohm, np.inf, (SheetAnisotropy(0.1, 0.05),), "fast")
+    at_rest = History.of_presses(np.full((1, 2), 0.05), np.ones(1))
+    scan_v = protocol.whitened(real.pair_resistance_ohm(at_rest)[0])
+    begun = Skin.build(sensor, protocol, law, np.full(sensor.electrodes, 10.0), np.inf, (), "fast")
+    skin, _, _ = fitted_at_rest(begun, scan_v)
+    assert skin.contact_resistance_ohm.min() > 1.0
+    assert skin.contact_resistance_ohm.max() < 1e5
