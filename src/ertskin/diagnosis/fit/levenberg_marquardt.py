@@ -82,10 +82,8 @@ def descend(
     def total(x: Array) -> float:
         return cost(x) + 0.5 * float(((x - prior_mean) ** 2 * prior_precision).sum())
 
-    here = total(value)
-    damping = 1e-6
+    here, damping, taken = total(value), 1e-6, 0
     quadratic = linearise(value)
-    taken = 0
     while taken < steps:
         taken += 1
         gradient = quadratic.gradient.sum(axis=0) - prior_precision * (value - prior_mean)
