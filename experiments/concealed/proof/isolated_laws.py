@@ -5,14 +5,16 @@
 Both sides are given the same history: pressures at one place of the fabric, sinkings of the foam, pressures on a
 contact, the sheet's points. The effect is fitted by every form that the diagnosis may come to (its starts and what it
 frees from there), all their parameters free within their ranges, and what is calibrated with them: the law, the
-pad's stiffness, the contact and the sheet at rest. Left is the rms of what the best one misses, over the rms of what
+pad's stiffness, the contacts and the sheet at rest. Left is the rms of what the best one misses, over the rms of what
 calibration alone misses. Each form at ``SHARE`` of its largest size, on the skins ``SEEDS``; the mean over
-them. Writes isolated_laws.json; what is measured in another way or not at all isn't in it.
+them. Writes isolated_laws.json. What acts on the whole scan is compared on readings of the skin at rest, what the
+stage does at the places and in the frames of the skin's own plan.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any, cast
 
@@ -21,29 +23,44 @@ import seals
 from generator.conduction import TwoYarnSheet
 from generator.effect import Effect as Form
 from generator.effect import Moment
+from generator.electrodes import OxidisingContacts, SlidPad
 from generator.fabric import triangle
 from generator.forms import FORMS
+from generator.instrument import GainAndOffset
+from generator.mechanics import TurnedStage
+from generator.sheet import Sheet
+from generator.simulate import HOLD, REST, Frames, frames_of, moments_of
 from generator.skin import Noise, Skin
 from generator.skins import drawn
+from generator.strength import COARSE
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from ertskin.diagnosis.specimen.fit import SpecimenTest
+from ertskin.physics.effects.adc_saturation import AdcSaturation
+from ertskin.physics.effects.contact_drift import ContactDrift
 from ertskin.physics.effects.effect import (
+    AcquisitionEffect,
     Effect,
     ElectrodeEffect,
     FoamEffect,
+    MotionEffect,
     PiezoEffect,
+    PlacementEffect,
     SheetEffect,
     Start,
     Strokes,
 )
+from ertskin.physics.effects.electrode_displacement import ElectrodeDisplacement
 from ertskin.physics.effects.registry import effect_classes
 from ertskin.physics.effects.smooth_field import field_design
+from ertskin.physics.history import History
 from ertskin.physics.protocol import Protocol
 from ertskin.physics.sensor import Sensor
 
 Array = NDArray[np.float64]
+Seen = tuple[Sensor, Protocol]
+Measure = Callable[[type[Form], Skin], float]
 
 OUT = Path(__file__).with_name("isolated_laws.json")
 SEEDS = (101, 102)
@@ -56,21 +73,35 @@ PEAKS = (0.3, 0.8, 0.5, 1.0, 0.6)
 """Presses of the history, over the deepest or the hardest."""
 FREED = 3
 """Times that a form may free more of itself."""
+TERMS = 3
+"""Pads that may be moved: the diagnosis adds a term for each."""
+THINNED = 4
+"""Every so many frames of the plan, where the instrument changes with time."""
+INJECTIONS = 12
+"""Of a scan, in which the sheet's warmth is compared."""
+STEP = 1e-3
+"""Share by which a contact and the sheet are changed to see what of the readings they calibrate."""
 
 
 def main() -> None:
-    """Measure every form that can be isolated, and write what is left."""
+    """Measure every form, and write what is left."""
     found: dict[str, Any] = {}
     for name, kinds in FORMS.items():
-        measure = MEASURED.get(name)
-        for kind in kinds if measure is not None else ():
-            left = [float(measure(kind, skin_of(seed))) for seed in SEEDS]
-            found[f"{name}/{kind.form}"] = {
-                "left": round(float(np.mean(left)), 4),
-                "by_skin": [round(x, 4) for x in left],
-            }
+        for kind in kinds:
+            key, line = f"{name}/{kind.form}", f"{name:32s}{kind.form:24s}"
+            found[key] = said = _left_on_skins(MEASURED[name], kind)
+            line += " ".join(f"{x:.3f}" for x in said["by_skin"])
+            if name in IN_PART:
+                what, measure = IN_PART[name]
+                said["in_part"] = {what: _left_on_skins(measure, kind)["left"]}
+                line += f"  {what} {said['in_part'][what]:.3f}"
             seals.write_json(OUT, found)
-            print(f"{name:32s}{kind.form:24s}" + " ".join(f"{x:.3f}" for x in left), flush=True)
+            print(line, flush=True)
+
+
+def _left_on_skins(measure: Measure, kind: type[Form]) -> dict[str, Any]:
+    left = [float(measure(kind, skin_of(seed))) for seed in SEEDS]
+    return {"left": round(float(np.mean(left)), 4), "by_skin": [round(x, 4) for x in left]}
 
 
 def skin_of(seed: int) -> Skin:
@@ -98,11 +129,21 @@ def history() -> tuple[Array, Array]:
 # ------------------------------------------------------------------------------------------------------------- fitting
 
 
-def starts_of(name: str, kind: str) -> Iterator[Start]:
-    """Every start of an effect for one signal, and what it frees from there."""
+def seen_of(skin: Skin) -> Seen:
+    """The skin's drawing and its scan, as the model is told of them."""
+    pads, scan = skin.electrodes, skin.protocol
+    sensor = Sensor(skin.outline_m, electrode_center_m=pads.center_m, electrode_size_m=pads.size_m)
+    timed: dict[str, Any] = {"injection_offset_s": scan.offset_s, "scan_s": scan.scan_s}
+    return sensor, Protocol.against_sink(scan.injection, scan.electrodes, scan.current_a, **timed)
+
+
+def starts_of(name: str, kind: str, seen: Seen | None = None) -> Iterator[Start]:
+    """Every start of an effect for one signal, and what it frees from there; of a small scan where none is given."""
     effect = effect_classes()[name]
-    sensor = Sensor(np.array([[0.0, 0], [0.12, 0], [0.12, 0.12], [0, 0.12]]))
-    protocol = Protocol.against_sink(np.array([[0, 1], [1, 2], [0, 2]]), 3, 1e-4)
+    sensor, protocol = seen or (
+        Sensor(np.array([[0.0, 0], [0.12, 0], [0.12, 0.12], [0, 0.12]])),
+        Protocol.against_sink(np.array([[0, 1], [1, 2], [0, 2]]), 3, 1e-4),
+    )
     starts = {
         "force": [*effect.force_starts(), *effect.coupon_starts()],
         "specimen": [*effect.specimen_starts(), *effect.reading_starts(sensor, protocol)],
@@ -115,11 +156,14 @@ def starts_of(name: str, kind: str) -> Iterator[Start]:
             reached = [more for one in reached for more in one.effect.freer(one.free)]
 
 
-def left_of(starts: Iterator[Start], missed: Callable[[Effect | None], Array]) -> float:
+def left_of(starts: Iterable[Start], missed: Callable[[Effect | None], Array]) -> float:
     """Rms of what the best fit misses over that without the effect; ``missed`` (T,) with an effect, or none."""
-    scale = float(np.sqrt(np.mean(missed(None) ** 2)))
+    scale = rms(missed(None))
     best = 1.0
     for start in starts:
+        if not start.free:
+            best = min(best, rms(missed(start.effect)) / scale)
+            continue
         known = [start.effect.parameters()[key] for key in start.free]
         at = _begun(start)
 
@@ -134,8 +178,13 @@ def left_of(starts: Iterator[Start], missed: Callable[[Effect | None], Array]) -
             x_scale=[k.typical for k in known],
             max_nfev=30,
         )
-        best = min(best, float(np.sqrt(np.mean(fit.fun**2))))
+        best = min(best, rms(fit.fun))
     return best
+
+
+def rms(wrong: Array) -> float:
+    """Of all of an array."""
+    return float(np.sqrt(np.mean(wrong**2)))
 
 
 def _begun(start: Start) -> dict[str, float]:
@@ -231,14 +280,22 @@ def field(kind: type[Form], skin: Skin) -> float:
 
 
 def anisotropy(kind: type[Form], skin: Skin) -> float:
-    """The tensor over the sheet as one tensor everywhere, at rest."""
+    """The tensor over the sheet at rest, its size fitted anew."""
     form = form_of(kind, skin)
     assert isinstance(form, TwoYarnSheet)
     x, y = (np.linspace(*skin.box_m[:, k], 40) for k in range(2))
     point = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
-    tensor = form.direction(point, np.zeros(len(point)))
-    added = tensor - np.eye(2) * np.trace(tensor, axis1=1, axis2=2)[:, None, None] / 2
-    return float(np.sqrt(np.mean((added - added.mean(axis=0)) ** 2) / np.mean(added**2)))
+    both = np.array([1.0, np.sqrt(2.0), 1.0])  # xy counts twice
+    said = form.direction(point, np.zeros(len(point)))[:, [0, 0, 1], [0, 1, 1]] * both
+
+    def missed(effect: Effect | None) -> Array:
+        even = np.ones(len(point))
+        tensor = np.array([1.0, 0.0, 1.0]) * even[:, None]
+        if effect is not None:
+            tensor = cast(SheetEffect, effect).conductivity_s(even, point, skin.box_m) * both
+        return np.ravel((tensor * said).sum() / (tensor**2).sum() * tensor - said)
+
+    return left_of(starts_of(kind.name, "readings"), missed)
 
 
 def warming(kind: type[Form], skin: Skin) -> float:
@@ -258,19 +315,172 @@ def warming(kind: type[Form], skin: Skin) -> float:
     return left_of(starts_of(kind.name, "readings"), missed)
 
 
-MEASURED: dict[str, Callable[[type[Form], Skin], float]] = {
+def landing(kind: type[Form], skin: Skin) -> float:
+    """How far from each sensing point the indenter lands."""
+    form, middle = form_of(kind, skin), skin.box_m.mean(axis=0)
+    assert isinstance(form, TurnedStage)
+    said = form.shift(skin.taxel_m)
+
+    def missed(effect: Effect | None) -> Array:
+        if effect is None:
+            return said.ravel()
+        return np.ravel(cast(PlacementEffect, effect).contact_m(skin.taxel_m, middle) - skin.taxel_m - said)
+
+    return left_of(starts_of(kind.name, "readings"), missed)
+
+
+def pads(kind: type[Form], skin: Skin, terms: int = TERMS) -> float:
+    """How far every electrode lies from where it is drawn; ``terms`` of them are moved, each by a term of its own."""
+    form, (sensor, _) = form_of(kind, skin), seen_of(skin)
+    assert isinstance(form, SlidPad)
+    true_m = form.electrodes(skin.electrodes).center_m
+    moved_m = true_m - sensor.electrode_center_m
+    for number in np.argsort(-np.hypot(*moved_m.T))[:terms]:
+        sensor = ElectrodeDisplacement(int(number), *map(float, moved_m[number])).geometry(sensor)
+    return rms(true_m - sensor.electrode_center_m) / rms(moved_m)
+
+
+def contact_paths(kind: type[Form], skin: Skin) -> float:
+    """Resistance of every contact in every frame of the plan, as measured at rest and straight in between."""
+    form, frames = form_of(kind, skin), frames_of(skin)
+    assert isinstance(form, OxidisingContacts)
+    said = np.array([form.contact(skin.contact_ohm, moment) for moment in _scans(skin, frames)])
+    rest = frames.phase == REST
+    knots, ohm = tuple(frames.time_s[rest].tolist()), np.broadcast_to(skin.contact_ohm, said.shape)
+    for number in form.details["electrodes"]:
+        path = ContactDrift(number, knots, tuple((said - ohm)[rest, number].tolist()))
+        ohm = path.contact_resistance_ohm(ohm, np.zeros(said.shape), frames.time_s)
+    wrong = ohm - said
+    return rms(wrong - wrong.mean(axis=0)) / rms(said - said.mean(axis=0))
+
+
+def _scans(skin: Skin, frames: Frames) -> list[Moment]:
+    """The middle of every scan of the plan."""
+    return [moment for moment in moments_of(skin, frames) if moment.frame >= 0]
+
+
+def instrument(kind: type[Form], skin: Skin) -> float:
+    """Readings of the skin at rest as long as its plan, every contact and the sheet fitted anew.
+
+    A channel that is off is known, and so is where readings stop: both are measured.
+    """
+    seen, form = seen_of(skin), form_of(kind, skin)
+    voltage, changes = _at_rest(skin)
+    scans = _scans(skin, frames_of(skin))
+    # Nothing but a gain depends on time.
+    scans = scans[::THINNED] if isinstance(form, GainAndOffset) else scans[:1]
+    said = np.array([form.voltage(voltage, moment.frame, moment.time_s) for moment in scans])
+    true = np.broadcast_to(voltage, said.shape)
+
+    def missed(effect: Effect | None) -> Array:
+        def read(voltage_v: Array) -> Array:
+            if effect is None:
+                return voltage_v
+            scaled = cast(AcquisitionEffect, effect).scaled_to(float(np.abs(voltage).max()))
+            return scaled.distorted_v(voltage_v, seen[1])
+
+        out = read(true)
+        taken = (read(true + changes[:, None]) - out).reshape(len(changes), -1)
+        wrong = np.ravel(out - said)
+        return np.asarray(wrong - np.linalg.lstsq(taken @ taken.T, taken @ wrong, rcond=None)[0] @ taken)
+
+    channel = form.details.get("channel")
+    every = starts_of(kind.name, "readings", seen)
+    starts = [start for start in every if channel in (None, getattr(start.effect, "channel", None))]
+    if kind.name == AdcSaturation.name:
+        starts.append(Start(AdcSaturation(limit_v=float(said.max()), lowest_v=float(said.min())), ()))
+    return left_of(starts, missed)
+
+
+def _at_rest(skin: Skin) -> tuple[Array, Array]:
+    """(K,M) readings of the skin at rest, and (L+1,K,M) what a share ``STEP`` of each contact and the sheet adds."""
+    sheet = Sheet(skin.outline_m, skin.electrodes, COARSE)
+    specific = 1.0 / (skin.contact_ohm * skin.electrodes.extent)
+    admittance = np.where(sheet.pad >= 0, specific[sheet.pad], 0.0)[:, None]
+    conductance = np.full(sheet.weight.shape, 1.0 / skin.sheet_ohm)
+    transfer = sheet.transfer(conductance, np.broadcast_to(admittance, sheet.weight.shape), specific)
+    parts = [*(np.diag(row) for row in np.diag(skin.contact_ohm)), transfer]
+    return skin.protocol.readings(transfer), STEP * np.array([skin.protocol.readings(part) for part in parts])
+
+
+def motion(kind: type[Form], skin: Skin, held: bool = True) -> float:
+    """Depth early, halfway and late in the scan of every frame of the plan, the pad's stiffness fitted anew.
+
+    With frames in which the press is ``held``, or without; from the last of them the stage sets out again.
+    """
+    form, frames = form_of(kind, skin), frames_of(skin)
+    history, pressed = _history(frames), ~np.isin(frames.phase, [REST] if held else [REST, HOLD])
+    within = np.array([0.02, 0.5, 0.98])
+    still = np.repeat(frames.depth_m, len(within), axis=1)
+    said = still.copy()
+    for moment in form.moved(moments_of(skin, frames)):
+        if moment.frame >= 0 and len(moment.depth_m):
+            said[moment.frame, np.abs(within - moment.within).argmin()] = moment.depth_m[0]
+
+    def missed(effect: Effect | None) -> Array:
+        depth = still
+        if effect is not None:
+            after_s = skin.protocol.scan_s * np.array([0.0, *within, 1.0])
+            depth = cast(MotionEffect, effect).depth_m(history, after_s)[:, 1:-1, 0]
+        depth, wanted = depth[pressed], said[pressed]
+        return np.ravel((depth * wanted).sum() / (depth**2).sum() * depth - wanted)
+
+    starts = [s for signal in ("readings", "force") for s in starts_of(kind.name, signal, seen_of(skin))]
+    return left_of(starts, missed)
+
+
+def _history(frames: Frames) -> History:
+    """Frames as the model is told of them, forces unknown."""
+    unknown = np.full(frames.depth_m.shape, np.nan)
+    return History(frames.time_s, frames.press, frames.phase, frames.contact_m, frames.depth_m, unknown)
+
+
+def heat(kind: type[Form], skin: Skin) -> float:
+    """Log conductance of the sensing points as injections of every scan of the plan meet it, the sheet fitted anew."""
+    seen, form = seen_of(skin), form_of(kind, skin)
+    form.start(len(skin.taxel_m))
+    moments = moments_of(skin, frames_of(skin))
+    rows = [(moment.frame, form.sheet(skin.taxel_m, moment)) for moment in moments]
+    said = np.array([row for frame, row in rows if frame >= 0])[:, None, :]
+    met = np.linspace(0, seen[1].shape[0] - 1, INJECTIONS).astype(int)
+
+    def missed(effect: Effect | None) -> Array:
+        warmth = np.zeros(len(met))
+        if effect is not None:
+            factor = cast(AcquisitionEffect, effect).distorted_v(np.ones(seen[1].shape), seen[1])
+            warmth = np.log(factor[met, 0])
+        wrong = -warmth[None, :, None] - said
+        return np.ravel(wrong - wrong.mean())
+
+    return left_of(starts_of(kind.name, "readings", seen), missed)
+
+
+MEASURED: dict[str, Measure] = {
     "nonlinear_foam": foam,
     "viscoelastic_foam": foam,
     "foam_hysteresis": foam,
     "foam_softening": foam,
+    "indenter_offset": landing,
     "piezo_hysteresis": fabric,
     "piezo_creep": fabric,
     "piezo_inhomogeneity": field,
     "sheet_inhomogeneity": field,
     "sheet_anisotropy": anisotropy,
     "temperature_drift": warming,
+    "self_heating": heat,
     "contact_pressure_dependence": contact,
+    "electrode_displacement": pads,
+    "contact_drift": contact_paths,
+    "channel_gain": instrument,
+    "crosstalk": instrument,
+    "adc_saturation": instrument,
+    "scan_skew": motion,
 }
+IN_PART: dict[str, tuple[str, Measure]] = {
+    "electrode_displacement": ("by one term", partial(pads, terms=1)),
+    "scan_skew": ("but for frames held", partial(motion, held=False)),
+}
+"""What is measured beside the whole."""
 
 
 if __name__ == "__main__":
