@@ -9,13 +9,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ertskin.diagnosis.fit.joint_fit import Solved, VoltageProblem, held_out
+from ertskin.diagnosis.fit.cross_validation import log_misfit, numbers_of, refitted
+from ertskin.diagnosis.fit.joint_fit import held_out
 from ertskin.diagnosis.search.selection import Selection
-from ertskin.diagnosis.search.trials import of_scans
-
-STEPS = 6
 
 
 def that_foretells(selection: Selection, partitions: Sequence[Sequence[int]]) -> Selection:
@@ -25,22 +22,14 @@ def that_foretells(selection: Selection, partitions: Sequence[Sequence[int]]) ->
     prediction without them can be.
     """
     problem, before, after = selection.problem, selection.before, selection.after
-    most = problem.evidence.criteria.mismatch_ratio**2
-    if not selection.chosen or held_out(after, partitions).sum() <= most * of_scans(before):
+    numbers = numbers_of(problem, partitions)
+    allowed = numbers.sum() * np.log(problem.evidence.criteria.mismatch_ratio)
+    fitted = np.array([before.fit.quadratic.cost[list(out)].sum() for out in partitions])
+    if (
+        not selection.chosen
+        or log_misfit(held_out(after, partitions), numbers) <= log_misfit(fitted, numbers) + allowed
+    ):
         return selection
     without = problem.solve(before.terms, before.calibration)
-    if cost_held_out(problem, after, partitions) <= most * cost_held_out(problem, without, partitions):
-        return selection
-    return replace(selection, after=before, chosen=())
-
-
-def cost_held_out(problem: VoltageProblem, solved: Solved, partitions: Sequence[Sequence[int]]) -> float:
-    """Half chi-square of the cells' scans, each of them held out and predicted by the same terms fitted to the rest."""
-    return sum(_cost_of(problem, solved, np.isin(problem.cells, out)) for out in partitions)
-
-
-def _cost_of(problem: VoltageProblem, solved: Solved, out: NDArray[np.bool_]) -> float:
-    inside = replace(problem, weight=np.where(out, 0.0, problem.weight))
-    fit = inside.solve(solved.terms, solved.calibration, steps=STEPS)
-    residual = problem.scan_residual(problem.family.skin(fit.calibration, fit.effects))
-    return 0.5 * float((residual[out] ** 2).sum())
+    with_terms, alone = (log_misfit(refitted(problem, fit, partitions), numbers) for fit in (after, without))
+    return selection if with_terms <= alone + allowed else replace(selection, after=before, chosen=())

@@ -2,7 +2,8 @@
 
 The fit's quadratic is taken once by the values of a field on a grid of nodes; every covariance is then a matter of
 small matrices. Lengths run from the grid's spacing to twice the sheet, along and across lines in all directions too.
-Covariance and spread are those with which cells held out are predicted best, for what is handed on are predictions:
+Covariance and spread are those with which cells held out are predicted best, each on its own scale of misfit, for what
+is handed on are predictions:
 evidence would have lengths that follow every press, and takes what the form of pressure and fabric leaves for a wide
 spread (Bachoc, Comput. Stat. Data Anal. 66 (2013) 55: where the model is wrong, cross-validation is the more robust).
 Of the process those modes enter the joint fit that the data tell of (Spantini and others, SIAM J. Sci. Comput. 37
@@ -19,6 +20,7 @@ from typing import cast
 import numpy as np
 from numpy.typing import NDArray
 
+from ertskin.diagnosis.fit.cross_validation import log_misfit, numbers_of
 from ertskin.diagnosis.fit.joint_fit import Modes, Solved, Term, VoltageProblem, held_out
 from ertskin.diagnosis.search.first_order_gain import held_out_gain
 from ertskin.diagnosis.search.gain import freedom
@@ -60,10 +62,12 @@ def node_shape(extent_m: Array) -> tuple[int, int]:
 
 @dataclass(frozen=True, eq=False)
 class NodeQuadratic:
-    """A fit's quadratic with the values of a field at M nodes behind its other numbers: gradient (F,n+M) and Hessian
-    (F,n+M,n+M) by cell; ``prior`` (n,) of the other numbers, ``value`` (n,) theirs from its mean. The field counts from
-    nought."""
+    """A fit's quadratic with the values of a field at M nodes behind its other numbers: half chi-square ``cost`` (F,),
+    gradient (F,n+M) and Hessian (F,n+M,n+M) by cell of so many ``numbers`` (F,); ``prior`` (n,) of the other numbers,
+    ``value`` (n,) theirs from its mean. The field counts from nought."""
 
+    cost: Array
+    numbers: Array
     gradient: Array
     hessian: Array
     prior: Array
@@ -92,10 +96,14 @@ class NodeQuadratic:
                 hessian[cell, count:, count:] += new.T @ new
                 hessian[cell, :count, count:] += old.T @ new
         hessian[:, count:, :count] = hessian[:, :count, count:].transpose(0, 2, 1)
-        if field := getattr(effects[number], "nodes", ()):
-            gradient += hessian[:, :, count:] @ np.ravel(field)
+        cost = quadratic.cost.copy()
+        if (field := np.ravel(getattr(effects[number], "nodes", ()))).size:
+            from_nought = hessian[:, :, count:] @ field
+            cost += (gradient + 0.5 * from_nought)[:, count:] @ field
+            gradient += from_nought
         prior, value = current.fit.prior.diagonal()[others], current.fit.from_prior[others]
-        return cls(gradient, hessian, prior, value)
+        numbers = np.append(numbers_of(problem, [[k] for k in range(problem.cell_count)]), 0.0)
+        return cls(cost, numbers, gradient, hessian, prior, value)
 
     def along(self, directions: Array, precision: float, partitions: Sequence[Sequence[int]]) -> tuple[float, Array]:
         """Held-out gain of fields (M,K) beside the other numbers, and how much of each (K,)."""
@@ -136,6 +144,8 @@ class NodeQuadratic:
         return Fold(
             gradient[count:] - cross @ others,
             hessian[count:, count:] + cross @ by_field,
+            float(self.cost[~inside].sum() - 0.5 * (there + left)[:count] @ others),
+            float(self.numbers[~inside].sum()),
             through.T @ left,
             through.T @ curved @ through,
         )
@@ -143,10 +153,13 @@ class NodeQuadratic:
 
 @dataclass(frozen=True, eq=False)
 class Fold:
-    """Of a field (M,): gradient and Hessian by the cells inside, and by those held out, the other numbers following."""
+    """Of a field (M,): gradient and Hessian by the cells inside, and by those held out, the other numbers following;
+    half chi-square ``out_cost`` of those without the field, and how many numbers they hold."""
 
     gradient: Array
     hessian: Array
+    out_cost: float
+    out_numbers: float
     out_gradient: Array
     out_hessian: Array
 
@@ -195,13 +208,15 @@ def _half(shape: tuple[int, int], extent_m: Array, length_m: Array, angle: float
 @dataclass(frozen=True, eq=False)
 class Process:
     """A Gaussian process by the number of its covariance, its standard deviation and its modes (M,K) that the data tell
-    of, with their most likely ``sizes`` (K,); ``gain`` in half chi-square."""
+    of, with their most likely ``sizes`` (K,). In cells held out: ``gain`` in half chi-square, and ``misfit`` as
+    ``log_misfit`` has it."""
 
     covariance: int
     spread: float
     modes: Array
     sizes: Array
     gain: float
+    misfit: float
 
     def of(self, term: Term, extent_m: Array) -> Term:
         """The term with a smooth field in these modes."""
@@ -211,16 +226,19 @@ class Process:
 
 
 def foretelling(quadratic: NodeQuadratic, extent_m: Array, partitions: Sequence[Sequence[int]]) -> Process:
-    """The process that gains most in cells held out, or loses least, to first order."""
+    """The process with which cells held out are likeliest, to first order."""
     gradient, hessian = quadratic.reduced()
     folds = [quadratic.fold(out) for out in partitions]
     halves = _covariances(node_shape(extent_m), tuple(map(float, extent_m.ravel())))
+    costs, numbers = (np.array([getattr(fold, name) for fold in folds]) for name in ("out_cost", "out_numbers"))
     found = []
     for number in _likely(halves, gradient, hessian):
         for spread in SPREADS:
             modes, sizes = _told(halves[number], spread, gradient, hessian)
-            found.append(Process(number, spread, modes, sizes, sum(fold.gain(modes) for fold in folds)))
-    return max(found, key=lambda process: process.gain)
+            gains = np.array([fold.gain(modes) for fold in folds])
+            misfit = log_misfit(costs - gains, numbers)
+            found.append(Process(number, spread, modes, sizes, float(gains.sum()), misfit))
+    return min(found, key=lambda process: process.misfit)
 
 
 def node_covariance(modes: Modes, known: Array, extent_m: Array) -> Array:
@@ -295,7 +313,7 @@ def with_smooth_field(
 ) -> Solved | None:
     """The fit with a term's field in the modes that are told about this fit; None where they gain too little.
 
-    A field that is smooth already must predict cells held out better, another one gain evidence.
+    Cells held out must be predicted better; a field that isn't smooth yet must gain evidence, too.
     """
     current, extent_m = problem.at_hand(current), problem.evidence.sensor.extent_m
     quadratic = NodeQuadratic.of(problem, current, current.effects, number)
@@ -304,8 +322,9 @@ def with_smooth_field(
         return None
     terms = [*current.terms[:number], process.of(current.terms[number], extent_m), *current.terms[number + 1 :]]
     freed = problem.solve(terms, current.calibration, steps=STEPS, leftover=current.leftover)
+    numbers = numbers_of(problem, partitions)
+    before, after = (log_misfit(held_out(fit, partitions), numbers) for fit in (current, freed))
+    gain = before - after
     if current.terms[number].modes is None:
-        gain = current.cost + freedom(current) - freed.cost - freedom(freed)
-    else:
-        gain = float((held_out(current, partitions) - held_out(freed, partitions)).sum())
+        gain = min(gain, current.cost + freedom(current) - freed.cost - freedom(freed))
     return freed if gain > problem.evidence.criteria.significant_gain else None

@@ -54,14 +54,14 @@ def test_a_term_that_spoils_frames_solved_in_full_gives_way_to_the_next(monkeypa
     settle = {"wild": wild, "tame": tame}
     monkeypatch.setattr(selection, "settled", lambda build, solved: settle[solved])
     trials = [trial("wild", "one", 50.0), trial("tame", "other", 40.0)]
-    found = selection._first_to_hold(None, here, trials)  # type: ignore[arg-type]
+    found = selection._first_to_hold(None, here, trials, [])  # type: ignore[arg-type]
     assert found is not None
     assert (found[0].solved, found[1]) == ("tame", tame)
-    assert selection._first_to_hold(None, here, trials[:1]) is None  # type: ignore[arg-type]
+    assert selection._first_to_hold(None, here, trials[:1], []) is None  # type: ignore[arg-type]
 
 
-def trial(solved: str, name: str, gain: float) -> trials.Trial:
-    return trials.Trial(SimpleNamespace(name=name), gain, solved)  # type: ignore[arg-type]
+def trial(solved: str, name: str, gain: float, modes: Any = None) -> trials.Trial:
+    return trials.Trial(SimpleNamespace(name=name, modes=modes), gain, solved)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(("gain", "best"), [(30.0, "second"), (20.0, "first")])
@@ -72,18 +72,36 @@ def test_of_forms_that_gain_alike_the_one_that_fits_best_where_it_settles(
     settle = {"first": first, "second": second}
     monkeypatch.setattr(selection, "settled", lambda build, solved: settle[solved])
     trials = [trial("first", "spot", 50.0), trial("second", "spot", gain)]
-    found = selection._first_to_hold(None, here, trials)  # type: ignore[arg-type]
+    found = selection._first_to_hold(None, here, trials, [])  # type: ignore[arg-type]
     assert found is not None
     assert found[1] is settle[best]
     # A rival is short of what the effect gains in its best form.
     assert found[0].gain == 50.0
 
 
+@pytest.mark.parametrize(("foretold", "misfit", "best"), [(5.0, 1.5, "few"), (30.0, 1.5, "free"), (5.0, 2.2, "free")])
+def test_of_forms_of_a_field_that_explain_alike_the_one_that_foretells_cells_best(
+    foretold: float, misfit: float, best: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    settle = {
+        name: Standing(PROBLEM, name, rms, 0.0)  # type: ignore[arg-type]
+        for name, rms in (("free", 1.4), ("few", misfit))
+    }
+    monkeypatch.setattr(selection, "settled", lambda build, solved: settle[solved])
+    costs = {"free": 20.0, "few": foretold}
+    monkeypatch.setattr(selection, "_foretelling", lambda there, partitions: costs[there.solved])
+    here = Standing(PROBLEM, None, 3.0, 0.0)  # type: ignore[arg-type]
+    trials = [trial("free", "field", 50.0, modes="many"), trial("few", "field", 45.0)]
+    found = selection._first_to_hold(None, here, trials, [[0], [1]])  # type: ignore[arg-type]
+    assert found is not None
+    assert found[1] is settle[best]
+
+
 def test_a_form_that_gains_less_has_its_turn_where_the_best_spoils(monkeypatch: pytest.MonkeyPatch) -> None:
     here, wild, tame = (Standing(PROBLEM, None, misfit, 0.0) for misfit in (3.0, 9.0, 2.0))  # type: ignore[arg-type]
     monkeypatch.setattr(selection, "settled", lambda build, solved: {"wild": wild, "tame": tame}[solved])
     trials = [trial("wild", "spot", 100.0), trial("tame", "spot", 30.0)]
-    found = selection._first_to_hold(None, here, trials)  # type: ignore[arg-type]
+    found = selection._first_to_hold(None, here, trials, [])  # type: ignore[arg-type]
     assert found is not None
     assert found[1] is tame
 
@@ -105,7 +123,7 @@ def test_a_trial_that_settles_where_no_sheet_is_gives_way_too(error: Exception, 
     here, tame = (Standing(PROBLEM, None, misfit, 0.0) for misfit in (3.0, 2.0))  # type: ignore[arg-type]
     monkeypatch.setattr(selection, "settled", settle)
     trials = [trial("nowhere", "one", 50.0), trial("there", "other", 40.0)]
-    found = selection._first_to_hold(None, here, trials)  # type: ignore[arg-type]
+    found = selection._first_to_hold(None, here, trials, [])  # type: ignore[arg-type]
     assert found is not None
     assert (found[0].solved, found[1]) == ("there", tame)
 

@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 from ertskin.diagnosis.criteria import DEFAULT
+from ertskin.diagnosis.fit.cross_validation import log_misfit, refitted
 from ertskin.diagnosis.search import foretold
-from ertskin.diagnosis.search.foretold import cost_held_out, that_foretells
+from ertskin.diagnosis.search.foretold import that_foretells
 from ertskin.diagnosis.search.selection import Selection
 
 PLACE = np.linspace(-1, 1, 12)
@@ -26,13 +27,16 @@ class Line:
     weight: np.ndarray = field(default_factory=lambda: np.ones(12))
     cells: np.ndarray = field(default_factory=lambda: np.arange(12) // 2)
     family: Any = field(default_factory=lambda: SimpleNamespace(skin=lambda calibration, effects: effects))
-    evidence: Any = field(default_factory=lambda: SimpleNamespace(criteria=DEFAULT))
+    evidence: Any = field(default_factory=lambda: SimpleNamespace(criteria=DEFAULT, scan_v=np.zeros((12, 1))))
+    cell_count: int = 6
 
     def solve(self, terms: int, calibration: None, steps: int = 15) -> Any:
         kept = self.weight > 0
         found = np.linalg.lstsq(np.vander(PLACE[kept], terms), self.reading[kept], rcond=None)[0]
         residual = np.where(kept, self.reading - np.vander(PLACE, terms) @ found, 0.0)[:, None]
-        return SimpleNamespace(terms=terms, calibration=None, effects=found, scan_residual=residual)
+        cost = np.bincount(self.cells, 0.5 * residual[:, 0] ** 2)
+        fit = SimpleNamespace(quadratic=SimpleNamespace(cost=cost))
+        return SimpleNamespace(terms=terms, calibration=None, effects=found, scan_residual=residual, fit=fit)
 
     def scan_residual(self, skin: np.ndarray) -> np.ndarray:
         return np.asarray((self.reading - np.vander(PLACE, len(skin)) @ skin)[:, None])
@@ -40,7 +44,7 @@ class Line:
 
 def chosen_of(monkeypatch: pytest.MonkeyPatch, reading: np.ndarray, order: int) -> Selection:
     problem = Line(reading)
-    monkeypatch.setattr(foretold, "held_out", lambda solved, partitions: np.array([np.inf]))
+    monkeypatch.setattr(foretold, "held_out", lambda solved, partitions: np.full(6, np.inf))
     before, after = problem.solve(1, None), problem.solve(order, None)
     selection = Selection(before, after, ("a term",), problem, ())  # type: ignore[arg-type]
     return that_foretells(selection, PARTITIONS)
@@ -52,12 +56,25 @@ def noise() -> np.ndarray:
 
 def test_a_cell_is_predicted_by_the_others() -> None:
     problem = Line(noise())
-    out = problem.cells == 2
-    rest = problem.reading[~out].mean()
-    by_rest = 0.5 * float(((problem.reading[out] - rest) ** 2).sum())
-    assert foretold._cost_of(problem, problem.solve(1, None), out) == pytest.approx(by_rest)  # type: ignore[arg-type]
-    whole = cost_held_out(problem, problem.solve(1, None), PARTITIONS)  # type: ignore[arg-type]
-    assert whole > 0.5 * float(((problem.reading - problem.reading.mean()) ** 2).sum())
+    costs = refitted(problem, problem.solve(1, None), PARTITIONS)  # type: ignore[arg-type]
+    for k, cost in enumerate(costs):
+        out = problem.cells == k
+        rest = problem.reading[~out].mean()
+        assert cost == pytest.approx(0.5 * float(((problem.reading[out] - rest) ** 2).sum()))
+
+
+def test_where_cells_are_missed_by_the_noise_a_log_misfit_changes_as_half_chi_square() -> None:
+    numbers = np.array([400.0, 300.0, 500.0])
+    change = np.array([2.0, -1.0, 3.0])
+    moved = log_misfit(numbers / 2 + change, numbers) - log_misfit(numbers / 2, numbers)
+    assert moved == pytest.approx(change.sum(), rel=0.02)
+
+
+def test_the_one_cell_that_no_other_tells_of_does_not_outweigh_them() -> None:
+    numbers = np.full(6, 1000.0)
+    tame, free = np.array([1.1, 1.1, 1.2, 1.1, 8.3, 1.5]), np.array([3.1, 1.6, 1.9, 1.1, 5.5, 1.3])
+    assert (tame**2).sum() > (free**2).sum()
+    assert log_misfit(numbers / 2 * tame**2, numbers) < log_misfit(numbers / 2 * free**2, numbers)
 
 
 def test_terms_that_foretell_stay(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -73,6 +90,6 @@ def test_terms_that_spoil_go_though_they_fit_better(monkeypatch: pytest.MonkeyPa
 def test_what_a_step_from_the_fit_foretells_well_enough_is_fitted_no_further(monkeypatch: pytest.MonkeyPatch) -> None:
     problem = Line(20 * PLACE + noise())
     selection = Selection(problem.solve(1, None), problem.solve(2, None), ("a term",), problem, ())  # type: ignore[arg-type]
-    monkeypatch.setattr(foretold, "held_out", lambda solved, partitions: np.array([1.0]))
-    monkeypatch.setattr(foretold, "cost_held_out", lambda *given: pytest.fail("fitted"))
+    monkeypatch.setattr(foretold, "held_out", lambda solved, partitions: np.ones(6))
+    monkeypatch.setattr(foretold, "refitted", lambda *given: pytest.fail("fitted"))
     assert that_foretells(selection, PARTITIONS) is selection

@@ -28,7 +28,9 @@ def seen(field: np.ndarray, places: np.ndarray, noise: float = 0.01, others: int
     parts = [(columns[cell == k], wrong[cell == k]) for k in range(CELLS)]
     gradient = np.stack([part.T @ left for part, left in parts])
     hessian = np.stack([part.T @ part for part, _ in parts])
-    return NodeQuadratic(gradient, hessian, np.full(others, 1e-6), np.zeros(others))
+    cost = np.array([0.5 * left @ left for _, left in parts])
+    numbers = np.array([len(left) for _, left in parts], dtype=float)
+    return NodeQuadratic(cost, numbers, gradient, hessian, np.full(others, 1e-6), np.zeros(others))
 
 
 def hill(radius_m: float) -> np.ndarray:
@@ -48,6 +50,48 @@ def test_what_a_fold_gains_is_what_whole_newton_steps_gain() -> None:
     modes = foretelling(quadratic, EXTENT_M, PARTITIONS).modes
     gain = sum(quadratic.fold(out).gain(modes) for out in PARTITIONS)
     assert gain == pytest.approx(quadratic.along(modes, 1.0, PARTITIONS)[0], rel=1e-6)
+
+
+def test_what_a_fold_costs_is_what_is_left_of_its_readings() -> None:
+    quadratic = seen(hill(0.012), places(60))
+    modes = foretelling(quadratic, EXTENT_M, PARTITIONS).modes
+    fold = quadratic.fold([2])
+    inside = np.arange(CELLS) != 2
+    onto = np.zeros((quadratic.gradient.shape[1], 2 + modes.shape[1]))
+    onto[:2, :2], onto[2:, 2:] = np.eye(2), modes
+    for free in (onto, onto[:, :2]):
+        prior = np.where(np.arange(free.shape[1]) < 2, 1e-6, 1.0)
+        curved = free.T @ quadratic.hessian[inside].sum(axis=0) @ free + np.diag(prior)
+        step = free @ np.linalg.solve(curved, free.T @ quadratic.gradient[inside].sum(axis=0))
+        left = quadratic.cost[2] - quadratic.gradient[2] @ step + 0.5 * step @ quadratic.hessian[2] @ step
+        gain = fold.gain(modes) if free is onto else 0.0
+        assert fold.out_cost - gain == pytest.approx(left, rel=1e-6)
+
+
+def one_cell_apart(seed: int) -> NodeQuadratic:
+    """Small short hills read by five cells on the left, and a high edge on the right that the sixth alone reads."""
+    rng = np.random.default_rng(seed)
+    node = node_position_m(SHAPE, EXTENT_M)
+    apart = ((node[:, None] - rng.uniform((0, 0), (0.04, 0.06), (5, 2))) ** 2).sum(axis=-1)
+    field = 0.05 * np.exp(-0.5 * apart / 0.008**2) @ rng.choice([-1.0, 1.0], 5)
+    field += 1.0 * np.clip((node[:, 0] - 0.04) / 0.02, 0, 1) ** 2
+    at = rng.uniform((0, 0), (0.04, 0.06), (60, 2))
+    at[::CELLS] = rng.uniform((0.05, 0), (0.06, 0.06), (10, 2))
+    return seen(field, at)
+
+
+def test_a_cell_that_no_other_tells_of_does_not_choose_the_field(monkeypatch: pytest.MonkeyPatch) -> None:
+    def gains() -> list[float]:
+        found = []
+        for seed in range(6):
+            quadratic = one_cell_apart(seed)
+            modes = foretelling(quadratic, EXTENT_M, PARTITIONS).modes
+            found.append(sum(quadratic.fold([k]).gain(modes) for k in range(1, CELLS)))
+        return found
+
+    on_their_own_scale = gains()
+    monkeypatch.setattr(smooth_fields, "log_misfit", lambda cost, numbers: float(cost.sum()))
+    assert np.mean(on_their_own_scale) > 1.1 * np.mean(gains())
 
 
 def test_evidence_is_the_marginal_likelihood() -> None:
@@ -114,23 +158,37 @@ def pressed(at: np.ndarray, tail_m: float) -> np.ndarray:
     return (close + far[:, None] * mixed) / 1e-3
 
 
-@pytest.mark.parametrize("seed", [1, 2, 4])
-def test_a_wrong_tail_of_the_pressure_widens_no_field(seed: int) -> None:
-    half = smooth_fields._covariances(SHAPE, tuple(EXTENT_M.ravel()))[LENGTHS.index(0.5)]
+def hills(rng: np.random.Generator) -> np.ndarray:
+    """(M,) six hills of either sign, of 3 % or so."""
+    apart = node_position_m(SHAPE, EXTENT_M)[:, None] - rng.uniform(0, 0.06, (6, 2))
+    return np.exp(-0.5 * (apart**2).sum(axis=-1) / 0.025**2) @ rng.normal(scale=0.03, size=6)
+
+
+def errors_between_presses(seed: int) -> tuple[float, float]:
+    """Errors of the field that cells held out choose, and of the likeliest one, at presses not seen; over the field."""
     rng = np.random.default_rng(seed)
-    field, at = 0.03 * half @ rng.normal(size=half.shape[1]), rng.uniform(0, 0.06, (30, 2))
+    field, at = hills(rng), rng.uniform(0, 0.06, (30, 2))
     true, model = pressed(at, 0.012), pressed(at, 0.010)
     wrong = true @ (1 + field) - model.sum(axis=-1) + rng.normal(size=true.shape[:2])
     cells = [np.arange(k, 20, CELLS) for k in range(CELLS)]
     gradient = np.stack([np.einsum("nrm,nr->m", model[cell], wrong[cell]) for cell in cells])
     hessian = np.stack([np.einsum("nrm,nrk->mk", model[cell], model[cell]) for cell in cells])
-    process = foretelling(NodeQuadratic(gradient, hessian, np.zeros(0), np.zeros(0)), EXTENT_M, PARTITIONS)
-    assert process.spread <= 0.03
-    likely = smooth_fields._evidences(half, gradient.sum(axis=0), hessian.sum(axis=0))
-    wide = smooth_fields.SPREADS[int(likely.argmax())]
-    modes, sizes = smooth_fields._told(half, wide, gradient.sum(axis=0), hessian.sum(axis=0))
+    cost = np.array([0.5 * (wrong[cell] ** 2).sum() for cell in cells])
+    numbers = np.array([wrong[cell].size for cell in cells], dtype=float)
+    quadratic = NodeQuadratic(cost, numbers, gradient, hessian, np.zeros(0), np.zeros(0))
+    process = foretelling(quadratic, EXTENT_M, PARTITIONS)
+    half = smooth_fields._covariances(SHAPE, tuple(EXTENT_M.ravel()))[LENGTHS.index(0.5)]
+    summed = gradient.sum(axis=0), hessian.sum(axis=0)
+    wide = smooth_fields.SPREADS[int(smooth_fields._evidences(half, *summed).argmax())]
+    modes, sizes = smooth_fields._told(half, wide, *summed)
     new = field_design(SHAPE, at[20:], EXTENT_M)
-    left = {"chosen": process.modes @ process.sizes, "none": 0 * field, "likeliest": modes @ sizes}
-    error = {name: float(np.sqrt(np.mean((new @ (found - field)) ** 2))) for name, found in left.items()}
-    assert error["chosen"] < 0.6 * error["none"]
-    assert error["likeliest"] > 1.5 * error["none"]
+    size = float(np.sqrt(np.mean((new @ field) ** 2)))
+    found = (process.modes @ process.sizes, modes @ sizes)
+    chosen, likeliest = (float(np.sqrt(np.mean((new @ (each - field)) ** 2))) / size for each in found)
+    return chosen, likeliest
+
+
+def test_a_wrong_tail_of_the_pressure_widens_no_field() -> None:
+    chosen, likeliest = np.array([errors_between_presses(seed) for seed in range(8)]).T
+    assert np.median(chosen) < 0.6
+    assert np.median(likeliest) > 2.0
