@@ -9,9 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from generator.forms import FORMS
-from isolated_laws import IN_PART, MEASURED, SEEDS, left_of, skin_of
+from isolated_laws import IN_PART, MEASURED, SEEDS, field, left_of, skin_of, smooth_bases
 from rows import CLASSES, FormClasses
 
+from ertskin.diagnosis.search.smooth_fields import MOST_MODES
 from ertskin.physics.effects.effect import Effect, Start
 from ertskin.physics.effects.piezo_hysteresis import PiezoHysteresis
 
@@ -23,11 +24,22 @@ QUICK = "indenter_offset", "sheet_anisotropy", "electrode_displacement", "contac
 def test_every_form_is_in_the_table_with_what_was_measured() -> None:
     measured = json.loads(LAWS.read_text())
     table = (PROOF / "README.md").read_text().split("## Forms")[1]
-    rows = re.findall(r"^\| `(\w+)` \| `(\w+)` \| ([^|]*) \|", table, re.MULTILINE)
-    said = {f"{name}/{form}": left for name, form, left in rows}
+    rows = re.findall(r"^\| `(\w+)` \| `(\w+)` \| ([^|]*) \| (\w+) \|", table, re.MULTILINE)
+    said = {f"{name}/{form}": (left, of) for name, form, left, of in rows}
     assert set(said) == {f"{name}/{kind.form}" for name, kinds in FORMS.items() for kind in kinds}
-    for key, left in said.items():
-        assert left == f"{100 * measured[key]['left']:.1f} %", key
+    classes = FormClasses({key: one["left"] for key, one in measured.items()})
+    for key, (left, of) in said.items():
+        assert (left, of) == (f"{100 * measured[key]['left']:.1f} %", classes.of(*key.split("/"))), key
+
+
+@pytest.mark.parametrize("page", ["README.md", "development.md", "../README.md", "../../../NOTES.md"])
+def test_every_page_says_how_many_forms_are_in_each_class(page: str) -> None:
+    measured = json.loads(LAWS.read_text())
+    classes = FormClasses({key: one["left"] for key, one in measured.items()})
+    same, near, different = (sum(classes.of(*key.split("/")) == name for key in measured) for name in CLASSES)
+    text = " ".join((PROOF / page).read_text().split())
+    said = rf"\b{len(measured)}\b.{{,50}}\b{same} .{{,20}}same.{{,60}}\b{near} near.{{,30}}\b{different} different"
+    assert re.search(said, text)
 
 
 def test_every_form_of_the_generator_has_a_measured_law_and_a_class() -> None:
@@ -43,6 +55,22 @@ def test_quick_laws_leave_what_was_measured(name: str) -> None:
     measured, skin = json.loads(LAWS.read_text()), skin_of(SEEDS[0])
     for kind in FORMS[name]:
         assert MEASURED[name](kind, skin) == pytest.approx(measured[f"{name}/{kind.form}"]["by_skin"][0], abs=2e-3)
+
+
+@pytest.mark.parametrize("form", ["rolls", "hills"])
+def test_a_field_is_fitted_with_a_step_and_with_a_smooth_field(form: str) -> None:
+    measured, skin = json.loads(LAWS.read_text()), skin_of(SEEDS[0])
+    kind = next(kind for kind in FORMS["sheet_inhomogeneity"] if kind.form == form)
+    assert field(kind, skin) == pytest.approx(measured[f"sheet_inhomogeneity/{form}"]["by_skin"][0], abs=2e-3)
+
+
+def test_smooth_fields_are_orthonormal_and_without_a_mean() -> None:
+    x = np.linspace(0.0, 0.12, 30)
+    point = np.stack(np.meshgrid(x, x), axis=-1).reshape(-1, 2)
+    basis = next(smooth_bases(point, np.array([[0.0, 0.0], [0.12, 0.12]])))
+    assert 3 < basis.shape[1] <= MOST_MODES
+    assert basis.T @ basis == pytest.approx(np.eye(basis.shape[1]), abs=1e-4)
+    assert np.abs(basis.mean(axis=0)).max() < 1e-6
 
 
 def test_what_is_measured_in_part_is_as_the_table_s_text_says() -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import importlib.util
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,7 @@ import seals
 from generator.families import FAMILIES
 from judged import DiagnosisError, Judged, checked
 from record import commitments, skin_of, truth_of
-from rows import FormClasses, Share, calibration_error, reliability, rows
+from rows import Calibration, FormClasses, Row, Share, calibration_error, calibrations, reliability, rows
 from suite import Case, Hidden, suite
 
 # Another study has a module of this name too: the two must not be taken for one another in one run of tests.
@@ -158,6 +159,63 @@ def test_wilson_and_calibration_error() -> None:
     assert Share(0, 100).interval == pytest.approx((0.0, 0.0370), abs=1e-4)
     cases = [case(effect("piezo_creep"), said=[claim("piezo_creep" if n < 7 else "crosstalk", 0.9)]) for n in range(10)]
     assert calibration_error(reliability(cases)) == pytest.approx(0.2)
+
+
+def test_the_worst_class_of_intervals_is_the_farthest_from_what_they_state() -> None:
+    classes = {"same": Share(20.0, 20), "near": Share(17.0, 20), "different": Share(0.0, 0)}
+    assert Row("intervals", "", Share(37.0, 40), classes, 0.9).worst == ("same", Share(20.0, 20))
+    assert Row("right", "", Share(37.0, 40), classes).worst == ("near", Share(17.0, 20))
+    assert Row("wrong", "", Share(37.0, 40), classes, 0.0).worst == ("same", Share(20.0, 20))
+    assert Row("of nulls", "", Share(0.0, 2), {}).worst is None
+
+
+def test_a_name_on_a_null_is_a_false_alarm_whatever_the_verdict() -> None:
+    verdicts = ("no_mismatch", "cannot_tell", "explained")
+    nulls = [
+        case(kind="null", said=[claim("crosstalk", 0.5 if v == "no_mismatch" else 0.4)], verdict=v) for v in verdicts
+    ]
+    table = {row.label: row for row in rows(nulls, FormClasses({}))}
+    assert table["false alarms on nulls"].total == table["the same, null"].total == Share(2.0, 3)
+
+
+def test_held_out_counts_only_where_every_name_is_right_and_an_unknown_one_is_a_miss() -> None:
+    right = case(effect("piezo_creep"), said=[claim("piezo_creep", 0.9)])
+    wrong = case(effect("piezo_creep"), said=[claim("crosstalk", 0.9)])
+    silent = Judged("c001", right.truth, {**right.diagnosis, "held_out": None})
+    row = {row.label: row for row in rows([right, wrong, silent], FormClasses({}))}[
+        "held out after at most 1.05, right names"
+    ]
+    assert row.total == Share(1.0, 2)
+
+
+def test_calibration_has_its_interval_and_its_form_classes() -> None:
+    classes = FormClasses({"piezo_creep/a": 0.001, "piezo_creep/b": 0.5})
+    cases = [case(effect("piezo_creep", "a"), said=[claim("piezo_creep", 0.9)]) for _ in range(12)]
+    cases += [case(effect("piezo_creep", "b"), said=[claim("crosstalk", 0.9)]) for _ in range(4)]
+    cases.append(case(kind="null", said=[], verdict="no_mismatch"))
+    found = calibrations(cases, classes)
+    assert set(found) == {"all", "same", "different"}
+    assert (found["all"].error, found["all"].count) == (pytest.approx(0.15), 16)
+    assert found["all"].interval[0] < 0.15 < found["all"].interval[1]
+    assert found["different"].error == pytest.approx(0.9)
+    assert Calibration.of([cases[-1]]) is None
+
+
+def test_every_line_has_an_interval_and_the_worst_form_class() -> None:
+    classes = FormClasses({"piezo_creep/a": 0.001, "piezo_creep/b": 0.5})
+    creep = claim("piezo_creep", 0.9, quantities={"q": {"value": 2.0, "low": 1.9, "high": 2.1}})
+    cases = [case(effect("piezo_creep", form, own), said=[creep]) for form in "ab" for own in (1.1, 1.5)]
+    cases.append(case(effect("piezo_creep", "b"), effect("crosstalk"), kind="compound", said=[creep]))
+    cases += [case(kind="null", said=[], verdict="no_mismatch"), case(effect("round_tip"), kind="family", said=[])]
+    text, numbers = score.page("ertskin", cases, classes)
+    lines = [line for line in text.splitlines() if line.startswith("| ")][2:]
+    assert len(lines) == len(numbers["rows"]) + 1
+    without_class = ("false alarms on nulls", "the same, null", "families")
+    for line in lines:
+        label, _, total, worst = (cell.strip() for cell in line.strip("|").split("|"))
+        assert " to " in total
+        assert label.startswith(without_class) or re.match("same|different|unmeasured", worst)
+    assert all(one["interval"] for row in numbers["rows"].values() for one in row["classes"].values())
 
 
 def test_a_diagnosis_that_breaks_the_contract_is_refused() -> None:

@@ -36,6 +36,16 @@ from generator.strength import COARSE
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
+from ertskin.diagnosis.fit.joint_fit import Modes
+from ertskin.diagnosis.search.smooth_fields import (
+    ACROSS,
+    ANGLES,
+    LEAST_VARIANCE,
+    LENGTHS,
+    MOST_MODES,
+    node_covariance,
+    node_shape,
+)
 from ertskin.diagnosis.specimen.fit import SpecimenTest
 from ertskin.physics.effects.adc_saturation import AdcSaturation
 from ertskin.physics.effects.contact_drift import ContactDrift
@@ -52,6 +62,7 @@ from ertskin.physics.effects.effect import (
     Strokes,
 )
 from ertskin.physics.effects.electrode_displacement import ElectrodeDisplacement
+from ertskin.physics.effects.field_over_sheet import FieldOverSheet
 from ertskin.physics.effects.registry import effect_classes
 from ertskin.physics.effects.smooth_field import field_design
 from ertskin.physics.history import History
@@ -65,8 +76,10 @@ Measure = Callable[[type[Form], Skin], float]
 OUT = Path(__file__).with_name("isolated_laws.json")
 SEEDS = (101, 102)
 SHARE = 0.3
-NODES = (7, 7)
-"""Of the smooth field that the laws committed were measured with."""
+BEGUN = 4
+"""Starts of each form of a field from which it is fitted, alone and with a smooth field."""
+NOTHING = 1e-9
+"""Share of a variance below which there is none."""
 STEP_S = 0.5
 HELD = 10
 PEAKS = (0.3, 0.8, 0.5, 1.0, 0.6)
@@ -261,30 +274,85 @@ def contact(kind: type[Form], skin: Skin) -> float:
 
 
 def field(kind: type[Form], skin: Skin) -> float:
-    """A map over the whole sheet, but for its mean, as a spot, a slope and a smooth field on the search's nodes."""
-    x, y = (np.linspace(*skin.box_m[:, k], 60) for k in range(2))
-    point = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+    """A map over the whole sheet but for its mean: a smooth field, or a spot, slope, line or step, alone or with one.
+
+    All that the diagnosis may fit where readings tell of the whole sheet; the smooth field's sizes are free.
+    """
+    point = _over(skin, 60)
     said = form_of(kind, skin).map(point)  # type: ignore[attr-defined]
-    said = said - said.mean()
-    unit = (point - point.mean(axis=0)) / np.ptp(point, axis=0)
-    smooth = np.column_stack([field_design(NODES, point, skin.box_m), unit, np.ones(len(point))])
+    bases = [np.zeros((len(point), 0)), *smooth_bases(point, skin.box_m)]
+    best = min(rms(_beside(basis, said)) for basis in bases)
+    for basis, start in _promising(said, list(starts_of(kind.name, "readings", seen_of(skin))), bases, point, skin):
 
-    def missed(spot: Array) -> Array:
-        squared = ((point - spot[:2]) ** 2).sum(axis=1)
-        columns = np.column_stack([smooth, np.exp(-0.5 * squared / np.exp(2 * spot[2]))])
-        return np.asarray(columns @ np.linalg.lstsq(columns, said, rcond=1e-10)[0] - said)
+        def missed(effect: Effect | None, basis: Array = basis) -> Array:
+            return _beside(basis, said - (0.0 if effect is None else _map_of(effect, point, skin)))
 
-    middle = point[np.abs(missed(np.array([*point.mean(axis=0), np.log(0.02)]))).argmax()]
-    fit = least_squares(missed, [*middle, np.log(0.01)], x_scale=[0.01, 0.01, 0.3], max_nfev=30)
-    return float(np.sqrt(np.mean(fit.fun**2) / np.mean(said**2)))
+        best = min(best, left_of([start], missed) * rms(missed(None)))
+    return best / rms(_beside(bases[0], said))
+
+
+def smooth_bases(point_m: Array, extent_m: Array) -> Iterator[Array]:
+    """(N,K) of every covariance that the search tries: its modes, at most ``MOST_MODES``, at points (N,2) in metre.
+
+    Those that vary most over the points, orthonormal and without a mean; ``extent_m`` (2,2) is the sheet's box.
+    """
+    shape = node_shape(extent_m)
+    design = field_design(shape, point_m, extent_m)
+    for number in range(len(LENGTHS) + len(ACROSS) * ANGLES):
+        none = Modes(np.zeros((1, *shape)), number, 1.0)
+        size, vector = np.linalg.eigh(node_covariance(none, np.eye(1), extent_m))
+        half = vector * np.sqrt(np.maximum(size, 0.0))
+        at_points = design @ half[:, size > size.max() * LEAST_VARIANCE]
+        at_points -= at_points.mean(axis=0)
+        _, variance, turned = np.linalg.svd(at_points.T @ at_points)
+        kept = variance[:MOST_MODES] > variance[0] * NOTHING
+        yield at_points @ (turned[:MOST_MODES][kept] / np.sqrt(variance[:MOST_MODES][kept])[:, None]).T
+
+
+def _beside(basis: Array, value: Array) -> Array:
+    """What of values (N,...) neither their mean nor a basis (N,K) explains."""
+    value = value - value.mean(axis=0)
+    return np.asarray(value - basis @ (basis.T @ value))
+
+
+def _promising(
+    said: Array, starts: list[Start], bases: list[Array], point: Array, skin: Skin
+) -> Iterator[tuple[Array, Start]]:
+    """Bases and starts of each form that leave least of a map ``said`` (N,) at points (N,2) in metre, to first order.
+
+    ``BEGUN`` of them alone, with the first basis, which is empty, and as many with a smooth field.
+    """
+    shape = _beside(bases[0], np.stack([_map_of(s.effect.changed(_begun(s)), point, skin) for s in starts], axis=1))
+    whole = (shape**2).sum(axis=0)
+    left = np.zeros((len(bases), len(starts)))
+    for number, basis in enumerate(bases):
+        wanted = _beside(basis, said)
+        free = np.maximum(whole - ((basis.T @ shape) ** 2).sum(axis=0), NOTHING * whole)
+        left[number] = wanted @ wanted - (wanted @ shape) ** 2 / free
+    for form in sorted({start.free for start in starts}):
+        of_form = np.array([k for k, start in enumerate(starts) if start.free == form])
+        for first, last in ((0, 1), (1, len(bases))):
+            some = left[first:last, of_form]
+            for k in some.min(axis=0).argsort()[:BEGUN]:
+                yield bases[first + int(some[:, k].argmin())], starts[of_form[k]]
+
+
+def _map_of(effect: Effect, point: Array, skin: Skin) -> Array:
+    """(N,) logarithm of the factor at points (N,2) in metre."""
+    return cast(FieldOverSheet, effect).logarithm(point, skin.box_m)
+
+
+def _over(skin: Skin, count: int) -> Array:
+    """(count**2,2) points in metre all over the sheet's box."""
+    x, y = (np.linspace(*skin.box_m[:, k], count) for k in range(2))
+    return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
 
 
 def anisotropy(kind: type[Form], skin: Skin) -> float:
     """The tensor over the sheet at rest, its size fitted anew."""
     form = form_of(kind, skin)
     assert isinstance(form, TwoYarnSheet)
-    x, y = (np.linspace(*skin.box_m[:, k], 40) for k in range(2))
-    point = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+    point = _over(skin, 40)
     both = np.array([1.0, np.sqrt(2.0), 1.0])  # xy counts twice
     said = form.direction(point, np.zeros(len(point)))[:, [0, 0, 1], [0, 1, 1]] * both
 

@@ -15,6 +15,8 @@ STRONG, WEAK = 1.3, 1.075
 CLASSES = ("same", "near", "different")
 BINS = (0.0, 0.2, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 1.0)
 Z95 = 1.959963984540054
+DRAWS = 400
+"""Times that cases are drawn anew for the calibration error's interval."""
 
 
 @dataclass(frozen=True)
@@ -54,19 +56,20 @@ def share(items: Iterable[Any], mark: Callable[[Any], float | bool]) -> Share:
 
 @dataclass(frozen=True)
 class Row:
-    """A line of the table: over all, and by form class where that means something. ``lower`` is better where true."""
+    """A line of the table: over all, and by form class where that means something. ``wanted`` would be best."""
 
     label: str
     goal: str
     total: Share
     classes: dict[str, Share]
-    lower: bool = False
+    wanted: float = 1.0
 
     @property
     def worst(self) -> tuple[str, Share] | None:
-        """The worst form class that has a case."""
-        filled = [(name, one) for name, one in self.classes.items() if one.value is not None]
-        return (max if self.lower else min)(filled, key=lambda pair: pair[1].value) if filled else None  # type: ignore[arg-type, return-value]
+        """The form class that has a case and is farthest from what is wanted."""
+        apart = {name: abs(one.value - self.wanted) for name, one in self.classes.items() if one.value is not None}
+        name = max(apart, key=lambda one: apart[one], default=None)
+        return None if name is None else (name, self.classes[name])
 
 
 class FormClasses:
@@ -94,15 +97,19 @@ class FormClasses:
         goal: str,
         cases: Sequence[Judged],
         mark: Callable[[Judged], float | bool],
-        lower: bool = False,
+        wanted: float = 1.0,
     ) -> Row:
         """A row over cases, split by class."""
+        split = {name: share(group, mark) for name, group in self.split(cases).items()}
+        return Row(label, goal, share(cases, mark), split, wanted)
+
+    def split(self, cases: Sequence[Judged]) -> dict[str, list[Judged]]:
+        """Cases in which a name is hidden, by class."""
         groups: dict[str, list[Judged]] = {}
         for case in cases:
             if case.hidden:
                 groups.setdefault(self.of_case(case), []).append(case)
-        split = {name: share(group, mark) for name, group in groups.items()}
-        return Row(label, goal, share(cases, mark), split, lower)
+        return groups
 
 
 def rows(cases: Sequence[Judged], classes: FormClasses) -> list[Row]:
@@ -120,15 +127,12 @@ def rows(cases: Sequence[Judged], classes: FormClasses) -> list[Row]:
             "at most 1 %, worst 3 %",
             cases,
             lambda c: bool(c.wrong_confident),
-            True,
+            0.0,
         ),
-        row("false alarms on nulls", "0", nulls, lambda c: c.verdict not in ("no_mismatch", "cannot_tell"), True),
+        row("false alarms on nulls", "0", nulls, _false_alarm, 0.0),
     ]
     for kind in sorted({c.kind for c in nulls}):
-        of_kind = [c for c in nulls if c.kind == kind]
-        table.append(
-            row(f"the same, {kind}", "0", of_kind, lambda c: c.verdict not in ("no_mismatch", "cannot_tell"), True)
-        )
+        table.append(row(f"the same, {kind}", "0", [c for c in nulls if c.kind == kind], _false_alarm, 0.0))
     table += [
         row(f"first name right, own ratio from {STRONG}", "97 %, worst 90 %", strong, lambda c: c.first_right),
         row(f"first name right, {WEAK} to {STRONG}", "85 %, worst 75 %", weak, lambda c: c.first_right),
@@ -141,10 +145,14 @@ def rows(cases: Sequence[Judged], classes: FormClasses) -> list[Row]:
             lambda c: c.held_out("ratio_after") <= MATERIAL,
         ),
         _interval_row(hidden, classes),
-        row("names nothing though something is hidden", "", hidden, lambda c: not c.likely, True),
-        row("no diagnosis, or cannot tell", "", cases, lambda c: c.verdict == "cannot_tell", True),
+        row("names nothing though something is hidden", "", hidden, lambda c: not c.likely, 0.0),
+        row("no diagnosis, or cannot tell", "", cases, lambda c: c.verdict == "cannot_tell", 0.0),
     ]
     return table
+
+
+def _false_alarm(case: Judged) -> bool:
+    return case.verdict not in ("no_mismatch", "cannot_tell") or bool(case.likely)
 
 
 def _left_unnamed(case: Judged) -> bool:
@@ -163,12 +171,24 @@ def _interval_row(cases: Sequence[Judged], classes: FormClasses) -> Row:
         "85 to 95 %, worst 80 to 97 %",
         share(found, lambda one: one[2] is True),
         by_class,
+        0.9,
     )
 
 
-def reliability(cases: Sequence[Judged]) -> list[dict[str, float]]:
+Claims = list[tuple[float, bool]]
+Bins = list[dict[str, float]]
+
+
+def reliability(cases: Sequence[Judged]) -> Bins:
     """Claims by confidence: count, mean confidence, share right."""
-    claims = [(float(one["confidence"]), case.is_right(one)) for case in cases for one in case.claims]
+    return _binned([claim for case in cases for claim in _claims(case)])
+
+
+def _claims(case: Judged) -> Claims:
+    return [(float(one["confidence"]), case.is_right(one)) for one in case.claims]
+
+
+def _binned(claims: Claims) -> Bins:
     table = []
     for low, high in pairwise(BINS):
         inside = [(c, r) for c, r in claims if low <= c < high or (high == 1.0 and c == 1.0)]
@@ -178,7 +198,40 @@ def reliability(cases: Sequence[Judged]) -> list[dict[str, float]]:
     return table
 
 
-def calibration_error(table: Sequence[dict[str, float]]) -> float | None:
+def calibration_error(table: Bins) -> float | None:
     """Expected calibration error: |confidence - right|, weighted by claims (Guo et al., ICML 2017)."""
     total = sum(part["count"] for part in table)
     return sum(part["count"] * abs(part["confidence"] - part["right"]) for part in table) / total if total else None
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """Expected calibration error of so many claims, with the middle 95 % of what cases drawn anew give."""
+
+    error: float
+    count: int
+    interval: tuple[float, float]
+
+    @classmethod
+    def of(cls, cases: Sequence[Judged]) -> Calibration | None:
+        """Over the claims of cases; ``None`` without a claim. Cases are drawn, for claims of one case go together."""
+        said, rng = [_claims(case) for case in cases], np.random.default_rng(0)
+
+        def error(numbers: Iterable[int]) -> float | None:
+            return calibration_error(_binned([claim for k in numbers for claim in said[k]]))
+
+        whole = error(range(len(said)))
+        if whole is None:
+            return None
+        drawn = [error(rng.integers(len(said), size=len(said))) for _ in range(DRAWS)]
+        low, high = np.quantile([one for one in drawn if one is not None], [0.025, 0.975])
+        return cls(whole, sum(map(len, said)), (float(low), float(high)))
+
+    def __str__(self) -> str:
+        return f"{self.error:.3f} ({self.count} claims; {self.interval[0]:.3f} to {self.interval[1]:.3f})"
+
+
+def calibrations(cases: Sequence[Judged], classes: FormClasses) -> dict[str, Calibration]:
+    """Over ``all`` cases, and by form class; those with a claim."""
+    found = {name: Calibration.of(group) for name, group in {"all": list(cases), **classes.split(cases)}.items()}
+    return {name: one for name, one in found.items() if one is not None}
