@@ -1,0 +1,218 @@
+"""Each rule of the search switched off, on the same recordings: ``ablation.py OUT TRUTHS RECORDING ... [--rules ...]``.
+
+TRUTHS is the folder of a proof's truths (``OUT/sealed`` of ``record.py`` and ``compounds.py``). Every answer is kept as
+OUT/RULE/NAME/diagnosis.json, so that the same command goes on where it stopped; OUT/ablation.md is the table so far.
+Rules that only lower a name's confidence need no run of their own: a claim's ``reasons`` say what each took, and a
+second table counts it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from time import process_time
+from typing import Any
+from unittest.mock import patch
+
+for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ.setdefault(variable, "1")
+sys.path.insert(0, str(Path(__file__).parent / "proof"))
+
+import numpy as np  # noqa: E402
+from judged import CONFIDENT, LIKELY, Judged  # noqa: E402
+
+from ertskin.diagnosis.output.diagnosis_file import finite  # noqa: E402
+from ertskin.diagnosis.search.form_error import FormError  # noqa: E402
+from ertskin.diagnosis.skin import diagnose  # noqa: E402
+from ertskin.files import write_whole  # noqa: E402
+from ertskin.hardware.recording import read_recording  # noqa: E402
+
+SEARCH = "ertskin.diagnosis.search"
+
+
+@dataclass(frozen=True)
+class Rule:
+    """What a rule does, where it stands, and what takes its place where it is switched off."""
+
+    about: str
+    where: tuple[str, ...]
+    instead: Callable[..., Any]
+
+
+RULES = {
+    "form_error": Rule(
+        "the instrument's form error is a rival of every further name",
+        (f"{SEARCH}.selection.form_error", "ertskin.diagnosis.search.trials.form_error"),
+        lambda *given: FormError(),
+    ),
+    "few_numbers": Rule(
+        "a smooth field gives way to a cause of few numbers where both together are likelier",
+        (f"{SEARCH}.selection._of_few_numbers",),
+        lambda build, here, entered, *more: entered,
+    ),
+    "form_by_cells": Rule(
+        "of a field's forms the one that foretells cells held out enters, not the one that fits best",
+        (f"{SEARCH}.selection._foretelling",),
+        lambda there, partitions: there.misfit,
+    ),
+    "own_scale": Rule(
+        "cells held out count each on its own scale of misfit, not by their chi-square",
+        (f"{SEARCH}.smooth_fields.log_misfit", f"{SEARCH}.selection.log_misfit", f"{SEARCH}.foretold.log_misfit"),
+        lambda cost, numbers: float(cost.sum()),
+    ),
+    "foretold": Rule(
+        "terms with which cells held out are predicted worse than without go",
+        ("ertskin.diagnosis.skin.that_foretells",),
+        lambda selection, partitions: selection,
+    ),
+    "nominal_again": Rule(
+        "a fit whose ratio of moduli has gone far is begun again from nominal",
+        (f"{SEARCH}.selection._reconsidered",),
+        lambda build, here: here,
+    ),
+    "freed": Rule(
+        "forms are freed about the fit itself",
+        (f"{SEARCH}.selection._refined",),
+        lambda build, here, partitions: here,
+    ),
+    "own_readings": Rule(
+        "a specimen that shows nothing of what the skin remembers is left out at once",
+        (f"{SEARCH}.selection._Search._by_own_readings",),
+        lambda search, here: here,
+    ),
+    "drifts_again": Rule(
+        "contacts that wander are reconsidered after every term",
+        (f"{SEARCH}.selection._without_drifts",),
+        lambda build, here, fixed: (here, fixed),
+    ),
+}
+
+
+@contextmanager
+def without(rule: str | None) -> Iterator[None]:
+    """The diagnosis with one rule switched off; as it is for None."""
+    switched = [] if rule is None else [patch(place, RULES[rule].instead) for place in RULES[rule].where]
+    for one in switched:
+        one.start()
+    try:
+        yield
+    finally:
+        for one in switched:
+            one.stop()
+
+
+def answer(recording: Path, rule: str | None, out: Path) -> dict[str, Any]:
+    """What a diagnosis without the rule says, made once; with ``cpu_s``, what it took."""
+    file = out / (rule or "all") / recording.stem / "diagnosis.json"
+    if not file.is_file():
+        begun = process_time()
+        with without(rule):
+            found = diagnose(read_recording(recording), str(recording), lambda share, text: None)
+        said = {**found.diagnosis.plain(), "cpu_s": process_time() - begun}
+        file.parent.mkdir(parents=True, exist_ok=True)
+        write_whole(file, json.dumps(finite(said), indent=1))
+    return dict(json.loads(file.read_text(encoding="utf-8")))
+
+
+@dataclass(frozen=True)
+class Count:
+    """Over recordings: hidden names in all, named rightly and wrongly at 0.5 or more, and what is left held out."""
+
+    hidden: int
+    right: int
+    wrong: int
+    surely_wrong: int
+    ratios: tuple[float, ...]
+    cpu_s: float
+
+    @classmethod
+    def of(cls, cases: Sequence[Judged]) -> Count:
+        """Of recordings opened."""
+        claims = [(case, claim) for case in cases for claim in case.likely]
+        wrong = [claim for case, claim in claims if not case.is_right(claim)]
+        return cls(
+            sum(len(case.hidden) for case in cases),
+            len({(case.name, claim["name"]) for case, claim in claims if case.is_right(claim)}),
+            len(wrong),
+            sum(claim["confidence"] >= CONFIDENT for claim in wrong),
+            tuple(float(case.diagnosis["held_out"]["ratio_after"] or np.nan) for case in cases),
+            sum(float(case.diagnosis["cpu_s"]) for case in cases),
+        )
+
+    def row(self, name: str) -> str:
+        """A line of the table."""
+        left = ", ".join(f"{ratio:.3f}" for ratio in self.ratios)
+        wrong = f"{self.wrong} ({self.surely_wrong})"
+        return f"| {name} | {self.right} of {self.hidden} | {wrong} | {left} | {self.cpu_s:.0f} |"
+
+
+def opened(out: Path, truths: Path, recordings: Sequence[Path], rule: str | None) -> list[Judged] | None:
+    """The recordings as diagnosed without a rule, beside their truths; None until all are."""
+    files = [out / (rule or "all") / recording.stem / "diagnosis.json" for recording in recordings]
+    if not all(file.is_file() for file in files):
+        return None
+    found = [json.loads(file.read_text(encoding="utf-8")) for file in files]
+    hidden = [json.loads((truths / f"{r.stem}.json").read_text(encoding="utf-8"))["truth"] for r in recordings]
+    return [Judged(r.stem, truth, said) for r, truth, said in zip(recordings, hidden, found, strict=True)]
+
+
+def table(out: Path, truths: Path, recordings: Sequence[Path], rules: Sequence[str]) -> str:
+    """Every rule's line, as far as its recordings are all there."""
+    lines = [
+        f"| switched off | named at {LIKELY} | wrong names at {LIKELY} ({CONFIDENT}) | left held out | CPU s |",
+        "| --- | --- | --- | --- | --- |",
+    ]
+    for rule in (None, *rules):
+        cases = opened(out, truths, recordings, rule)
+        if cases is not None:
+            name = "nothing" if rule is None else f"`{rule}`: {RULES[rule].about}"
+            lines.append(Count.of(cases).row(name))
+    return "\n".join(lines) + "\n"
+
+
+def of_reasons(cases: Sequence[Judged]) -> str:
+    """What each rule that lowers a confidence took from right and wrong names, by the claims' own reasons."""
+    lines = ["| rule | right names lowered | below 0.5 | wrong names lowered | below 0.5 |", "| --- " * 5 + "|"]
+    by_rule: dict[str, list[tuple[bool, bool]]] = {}
+    for case in cases:
+        for claim in case.claims:
+            for reason in claim.get("reasons", ()):
+                if reason["rule"] != "rivals":
+                    lost = reason["before"] >= LIKELY > reason["after"]
+                    by_rule.setdefault(reason["rule"], []).append((case.is_right(claim), lost))
+    for rule, found in sorted(by_rule.items()):
+        cells = [
+            str(value)
+            for right in (True, False)
+            for value in (sum(r is right for r, _ in found), sum(r is right and lost for r, lost in found))
+        ]
+        lines.append(f"| `{rule}` | {' | '.join(cells)} |")
+    return "\n".join(lines) + "\n"
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("out", type=Path, help="folder for answers and tables")
+    parser.add_argument("truths", type=Path, help="folder of truths, NAME.json")
+    parser.add_argument("recordings", type=Path, nargs="+", help="NAME.h5")
+    parser.add_argument(
+        "--rules", nargs="*", choices=[*RULES], default=[*RULES], help="which to switch off, one by one"
+    )
+    options = parser.parse_args()
+    for rule in (None, *options.rules):
+        for recording in options.recordings:
+            answer(recording, rule, options.out)
+        text = table(options.out, options.truths, options.recordings, options.rules)
+        cases = opened(options.out, options.truths, options.recordings, None)
+        write_whole(options.out / "ablation.md", text + "\n" + of_reasons(cases or []))
+        print(text, flush=True)
+
+
+if __name__ == "__main__":
+    main()
