@@ -9,6 +9,7 @@ import numpy as np
 
 from ertskin.physics.effects.effect import Array, PlacementEffect, Start, parameter
 from ertskin.physics.effects.hypothesis import Axis, Hypothesis, Measured, Need, Signal
+from ertskin.physics.effects.standard import Standard
 from ertskin.physics.protocol import Protocol
 from ertskin.physics.sensor import Sensor
 
@@ -44,6 +45,14 @@ class IndenterOffset(PlacementEffect):
         axes = np.array([[1 + self.stretch_x, 0.0], [self.skew_rad, 1 + self.stretch_y]])
         turned = (commanded_m - center_m) @ axes @ np.array([[c, s], [-s, c]])
         return turned + center_m + np.array([self.dx_m, self.dy_m])
+
+    def quantities(self, standard: Standard) -> dict[str, float]:
+        """How far presses land from where they were commanded, mean over the places pressed."""
+        if not len(standard.pressed_m):
+            return {}
+        shift_m = self.contact_m(standard.pressed_m, standard.extent_m.mean(axis=0)) - standard.pressed_m
+        dx_m, dy_m = shift_m.mean(axis=0)
+        return {"dx_m": float(dx_m), "dy_m": float(dy_m)}
 
     @classmethod
     def reading_starts(cls, sensor: Sensor, protocol: Protocol) -> tuple[Start, ...]:

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
+import pytest
 
 from ertskin.physics.effects.indenter_offset import RIGID, IndenterOffset
+from ertskin.physics.effects.standard import Standard
 
 MIDDLE = np.array([0.05, 0.05])
 COMMANDED = np.array([[0.05, 0.05], [0.09, 0.05], [0.05, 0.09]])
@@ -32,3 +36,13 @@ def test_it_is_looked_for_as_a_rigid_motion_and_freed_to_any_axes() -> None:
     assert freed.effect == effect
     assert set(freed.free) == {*RIGID, "stretch_x", "stretch_y", "skew_rad"}
     assert effect.freer(freed.free) == ()
+
+
+def test_stated_is_how_far_presses_land_off_on_average() -> None:
+    extent_m = np.array([[0.0, 0.0], [0.1, 0.1]])
+    known = replace(Standard(np.ones_like, np.nan), pressed_m=COMMANDED, extent_m=extent_m)
+    effect = IndenterOffset(dx_m=1e-3, rotation_rad=0.1, stretch_x=0.02)
+    shift = (effect.contact_m(COMMANDED, MIDDLE) - COMMANDED).mean(axis=0)
+    assert effect.quantities(known) == {"dx_m": pytest.approx(shift[0]), "dy_m": pytest.approx(shift[1])}
+    assert abs(shift[0] - 1e-3) > 1e-4
+    assert effect.quantities(replace(known, pressed_m=np.zeros((0, 2)))) == {}

@@ -28,6 +28,8 @@ STEP = 0.3
 """Standard errors by which parameters are moved to see what a quantity owes them."""
 SMOOTH = 0.2
 """Part of its size to which a quantity of a field given at nodes is supposed to be known: their errors aren't kept."""
+UNITS = {"_v": "V", "_m": "m"}
+"""By how a quantity's name ends; without one it is a ratio."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,7 +98,7 @@ def quantities(effect: Effect, standard: Standard, spread: Spread) -> dict[str, 
         least = SMOOTH if getattr(effect, "nodes", ()) else FORM
         half = max(QUANTILE * error, least * abs(value))
         if np.isfinite([value, half]).all():
-            found[name] = Estimate(value, value - half, value + half, "V" if name.endswith("_v") else "1")
+            found[name] = Estimate(value, value - half, value + half, UNITS.get(name[-2:], "1"))
     return found
 
 
@@ -116,6 +118,7 @@ def standard_of(sensor: Sensor, protocol: Protocol, history: History) -> Standar
     depth = history.depth_m
     deeper = np.diff(depth, axis=0)[(history.phase[1:] == Phase.LOADING) & (np.diff(history.press) == 0)]
     deeper = deeper[np.isfinite(deeper) & (deeper > 0)]
+    places = history.contact_m[history.touched]
     return Standard(
         resistance=np.ones_like,
         largest_pa=np.nan,
@@ -124,6 +127,7 @@ def standard_of(sensor: Sensor, protocol: Protocol, history: History) -> Standar
         step_m=float(np.median(deeper)) if deeper.size else np.nan,
         scan_s=protocol.duration_s or np.nan,
         point_m=sensor.taxel_m,
+        pressed_m=np.unique(places[np.isfinite(places).all(axis=-1)], axis=0),
         extent_m=sensor.extent_m,
     )
 
