@@ -23,7 +23,7 @@ from ertskin.diagnosis.judge.undetermined_field import ratio_with_what_is_unknow
 from ertskin.diagnosis.linear.calibration_vector import SHAPE, Calibration, SkinFamily
 from ertskin.diagnosis.linear.linear_skin import LinearSkin
 from ertskin.diagnosis.recording.evidence import CannotTell, Evidence, gather
-from ertskin.diagnosis.recording.split import FEW, MANY, all_fitted, fitted_and_held
+from ertskin.diagnosis.recording.split import FEW, MANY, all_fitted, fitted_and_held, folds_of
 from ertskin.diagnosis.rest.baseline import Baseline, calibrated
 from ertskin.diagnosis.search.foretold import that_foretells
 from ertskin.diagnosis.search.form_error import form_error
@@ -171,8 +171,10 @@ def _selected(
     begun = [(Term(f.effect, f.free), f.rivals) for f in baseline.specimen_findings]
     if baseline.displaced is not None:
         begun.append((Term(baseline.displaced, tuple(baseline.displaced.parameters())), ()))
-    partitions = _partitions(_cells(evidence, fitted))
-    return that_foretells(selector(build, fixed, begun, start, partitions, report), partitions)
+    partitions = _partitions(folds_of(evidence.history.press[fitted], FOLDS))
+    found = selector(build, fixed, begun, start, partitions, report)
+    # Another way to choose answers for what it chooses itself.
+    return that_foretells(found, partitions) if selector is select else found
 
 
 def _building(evidence: Evidence, baseline: Baseline, family: SkinFamily, fitted: Indices, report: Report) -> Problem:
@@ -216,11 +218,6 @@ def _start(baseline: Baseline) -> Calibration:
     return Calibration(skin.piezo.zero_ohm_sq, skin.contact_resistance_ohm, START_RATIO, np.zeros(SHAPE))
 
 
-def _cells(evidence: Evidence, fitted: Indices) -> Indices:
-    """(n,) which of the ``FOLDS`` each frame's press belongs to."""
-    return (np.unique(evidence.history.press[fitted], return_inverse=True)[1] % FOLDS).astype(np.intp)
-
-
 def _partitions(cells: Indices) -> list[list[int]]:
     """Each of the cells held out in turn."""
     return [[int(k)] for k in np.unique(cells)]
@@ -238,7 +235,8 @@ def _problem(
     """The joint fit of the frames ``fitted``, under forces (T,C) in newton, linearised about ``skin``."""
     linear = LinearSkin(skin, evidence.history, force_n, fitted, lambda share, text: report(None, text))
     train = evidence.frames(fitted)
-    return VoltageProblem(train, family, linear, baseline.specimen, _cells(evidence, fitted), np.ones(len(fitted)))
+    cells = folds_of(evidence.history.press[fitted], FOLDS)
+    return VoltageProblem(train, family, linear, baseline.specimen, cells, np.ones(len(fitted)))
 
 
 def _with_remainder(findings: Findings, selection: Selection, found: Predictions) -> Findings:

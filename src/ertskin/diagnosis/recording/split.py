@@ -41,6 +41,18 @@ def fitted_and_held(evidence: Evidence) -> tuple[Indices, Indices]:
     )
 
 
+def folds_of(press: NDArray[np.int64], count: int) -> Indices:
+    """(n,) which of ``count`` folds each frame belongs to, by its press: of any so many presses on end one each, drawn.
+
+    In turn they would be whole columns of a grid pressed row by row, and what is predicted places that none of the
+    presses fitted is near to.
+    """
+    numbers, which = np.unique(press, return_inverse=True)
+    rng = np.random.default_rng(SPLIT_SEED)
+    drawn = np.concatenate([rng.permutation(count) for _ in range(0, len(numbers), count)])
+    return np.asarray(drawn[which], dtype=np.intp)
+
+
 def all_fitted(evidence: Evidence) -> tuple[Indices, int]:
     """Frames of all presses that can be fitted, at most about ``MOST_FRAMES``, and how many presses that are."""
     usable, touching = _usable(evidence)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from ertskin.diagnosis.force.fit import ForceData, ForceFit, select_force_effects
 from ertskin.diagnosis.force.noise import ForceNoise, force_noise
 from ertskin.diagnosis.recording.evidence import CannotTell, Evidence
+from ertskin.diagnosis.recording.split import folds_of
 from ertskin.diagnosis.rest.displaced_pad import displaced_pad
 from ertskin.diagnosis.rest.rest_frames import Noise, rested
 from ertskin.diagnosis.specimen.fit import SpecimenFinding, SpecimenTest, specimen_findings
@@ -22,6 +23,8 @@ from ertskin.physics.skin import Skin
 
 Array = NDArray[np.float64]
 
+FORCE_FOLDS = 3
+"""Folds of presses by which the foam's effects are chosen."""
 UNYIELDING = 1e9, 1e-3
 """Stiffness in newton per metre, and its relative error, of a support that no rigid block has tested."""
 
@@ -129,7 +132,7 @@ def _force_stage(
     data = ForceData(evidence.history, noise_n, stiff, error, foam_m, evidence.protocol.duration_s)
     if data.used.sum() < 20:
         return None, None
-    folds = np.unique(evidence.history.press, return_inverse=True)[1] % 3
+    folds = folds_of(evidence.history.press, FORCE_FOLDS)
     criteria = evidence.criteria
     return select_force_effects(data, folds, criteria.significant_force_gain, criteria.second_share)
 

@@ -50,6 +50,9 @@ SAMPLES = 3
 """Points for every node, along each side, at which a field's form is read."""
 PASSES = 2
 STEPS = 5
+FARTHEST = 2.0
+"""Logarithm of a factor up to which a field is begun, as far as a spot's may go: to first order about a poor fit one can
+ask for any."""
 
 
 def node_shape(extent_m: Array) -> tuple[int, int]:
@@ -221,7 +224,9 @@ class Process:
     def of(self, term: Term, extent_m: Array) -> Term:
         """The term with a smooth field in these modes."""
         modes = Modes(self.modes.T.reshape(-1, *node_shape(extent_m)), self.covariance, self.spread)
-        begun = replace(term, modes=modes, sizes=tuple(map(float, self.sizes)))
+        farthest = float(np.abs(self.modes @ self.sizes).max())
+        sizes = self.sizes * min(1.0, FARTHEST / max(farthest, 1e-12))
+        begun = replace(term, modes=modes, sizes=tuple(map(float, sizes)))
         return begun.at(begun.start)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from ertskin.diagnosis.recording.evidence import CannotTell
-from ertskin.diagnosis.recording.split import all_fitted, fitted_and_held
+from ertskin.diagnosis.recording.split import all_fitted, fitted_and_held, folds_of
 from ertskin.physics.history import History
 
 PRESSES, FRAMES = 6, 5
@@ -62,3 +62,18 @@ def test_all_frames_that_can_be_fitted_and_their_presses() -> None:
     lost = evidence()
     lost.history.depth_m[lost.history.press == 2] = np.nan
     assert all_fitted(lost)[1] == PRESSES - 1
+
+
+def test_folds_hold_whole_presses_one_of_any_six_on_end_and_no_column_of_a_grid() -> None:
+    press = np.repeat(np.arange(36), 4)
+    fold = folds_of(press, 6)
+    by_press = fold[::4]
+    assert np.array_equal(fold, np.repeat(by_press, 4))
+    assert all(sorted(by_press[k : k + 6]) == list(range(6)) for k in range(0, 36, 6))
+    columns = [np.flatnonzero(by_press == k) % 6 for k in range(6)]
+    assert min(len(set(column)) for column in columns) >= 3
+    assert np.array_equal(folds_of(press, 6), fold)
+
+
+def test_folds_of_presses_that_are_fewer_than_folds_differ() -> None:
+    assert len(set(folds_of(np.array([4, 4, 7, 9]), 6)[[0, 2, 3]])) == 3

@@ -192,3 +192,10 @@ def test_a_wrong_tail_of_the_pressure_widens_no_field() -> None:
     chosen, likeliest = np.array([errors_between_presses(seed) for seed in range(8)]).T
     assert np.median(chosen) < 0.6
     assert np.median(likeliest) > 2.0
+
+
+def test_a_field_that_first_order_takes_too_far_is_begun_where_a_spot_may_go() -> None:
+    process = foretelling(seen(100 * hill(0.012), places(60)), EXTENT_M, PARTITIONS)
+    assert np.abs(process.modes @ process.sizes).max() > 10
+    term = process.of(Term(SheetInhomogeneity(), ()), EXTENT_M)
+    assert np.abs(term.effect.nodes).max() == pytest.approx(smooth_fields.FARTHEST)  # type: ignore[attr-defined]
