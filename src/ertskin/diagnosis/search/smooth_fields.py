@@ -51,8 +51,8 @@ SAMPLES = 3
 PASSES = 2
 STEPS = 5
 FARTHEST = 2.0
-"""Logarithm of a factor up to which a field is begun, as far as a spot's may go: to first order about a poor fit one can
-ask for any."""
+"""Logarithm of a factor up to which a field is begun, as far as a spot's may go: about a poor fit first order asks for
+any."""
 
 
 def node_shape(extent_m: Array) -> tuple[int, int]:
