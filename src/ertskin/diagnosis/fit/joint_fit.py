@@ -40,6 +40,8 @@ SCALED = 0.7
 """The same for parameters that are always positive, over their value."""
 LEAST_LAW = 1e-3
 """Part of the unpressed sheet's resistance that must be left under any pressure."""
+MOST_FIELD = 5.0
+"""Logarithm of a factor beyond which no fabric varies over the sheet: a step of the fit may ask for any."""
 RAISED = 1e-3
 """By how much a field is raised for the derivatives by it."""
 CONTACT_STEP = 1e-3
@@ -253,7 +255,7 @@ class VoltageProblem:
 
     def _cost(self, layout: _Layout, x: Array) -> float:
         skin = self._skin(layout, x)
-        if skin.piezo.least_ohm_sq <= LEAST_LAW * skin.piezo.zero_ohm_sq:
+        if skin.piezo.least_ohm_sq <= LEAST_LAW * skin.piezo.zero_ohm_sq or _varies_most(skin.effects) > MOST_FIELD:
             # There is no such sheet; linearised, it wouldn't show.
             return np.inf
         scan, specimen, leftover = self._blocks(skin)
@@ -387,6 +389,11 @@ class VoltageProblem:
         if through is None:
             return columns
         return np.asarray(np.einsum("pq,tqk->tpk", through, columns, optimize=True))
+
+
+def _varies_most(effects: Sequence[Effect]) -> float:
+    """The largest logarithm that a field has at a node."""
+    return max((float(np.abs(nodes).max()) for e in effects if (nodes := getattr(e, "nodes", ()))), default=0.0)
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
+from ertskin.diagnosis.fit import joint_fit
 from ertskin.diagnosis.fit.joint_fit import Modes, Term
 from ertskin.diagnosis.search import smooth_fields
 from ertskin.diagnosis.search.smooth_fields import LENGTHS, NodeQuadratic, foretelling, node_shape
@@ -199,3 +200,10 @@ def test_a_field_that_first_order_takes_too_far_is_begun_where_a_spot_may_go() -
     assert np.abs(process.modes @ process.sizes).max() > 10
     term = process.of(Term(SheetInhomogeneity(), ()), EXTENT_M)
     assert np.abs(term.effect.nodes).max() == pytest.approx(smooth_fields.FARTHEST)  # type: ignore[attr-defined]
+
+
+def test_no_fit_goes_to_fields_that_no_fabric_has() -> None:
+    effects = (SheetInhomogeneity(amplitude=1.0), SheetInhomogeneity(nodes=((0.1, -6.0), (0.0, 0.2))))
+    assert joint_fit._varies_most(effects) == 6.0
+    assert joint_fit._varies_most(effects[:1]) == 0.0
+    assert smooth_fields.FARTHEST < joint_fit.MOST_FIELD < 6.0
