@@ -1,8 +1,8 @@
-"""What stands beside the diagnosis: recalibration, a residual network, a Gaussian process, AIC, a LISDD-style pass.
+"""What stands beside the diagnosis and names nothing: recalibration, a residual network, a Gaussian process.
 
-``python experiments/concealed/baselines.py NAME RECORDING OUT`` writes OUT/diagnosis.json. The first three name nothing
-and calibrate as ``ertskin calibrate`` does; two of them learn the residual of every other press from place, force and
-history, and are judged on the presses between. The last two choose from the diagnosis's own effects, in other ways.
+``python experiments/concealed/baselines.py NAME RECORDING OUT`` writes OUT/diagnosis.json. They calibrate as ``ertskin
+calibrate`` does; two of them learn the residual of every other press from place, force and history, and are judged on
+the presses between. ``rivals.py`` begins from the diagnosis's own calibration instead.
 """
 
 from __future__ import annotations
@@ -21,14 +21,11 @@ for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
 
 import numpy as np  # noqa: E402
 from numpy.typing import NDArray  # noqa: E402
-from selectors_of_effects import by_aic, by_lisdd  # noqa: E402
 
 from ertskin.calibration.fit import fit_recording  # noqa: E402
 from ertskin.data.baseline import rest_weights  # noqa: E402
 from ertskin.data.skin_forward import SkinForward  # noqa: E402
 from ertskin.data.touches import touches_of  # noqa: E402
-from ertskin.diagnosis.any_recording import diagnose_any  # noqa: E402
-from ertskin.diagnosis.output.diagnosis_file import finite  # noqa: E402
 from ertskin.hardware.recording import read_recording  # noqa: E402
 from ertskin.physics.history import History, Phase  # noqa: E402
 
@@ -133,15 +130,6 @@ def verdict(name: str, path: Path) -> dict[str, Any]:
     return _said(path, "unexplained" if before > MATERIAL else "no_mismatch", held_out)
 
 
-SELECTORS = {"aic": by_aic, "lisdd": by_lisdd}
-
-
-def selected(name: str, path: Path) -> dict[str, Any]:
-    """The diagnosis with another way to choose its effects."""
-    found = diagnose_any(read_recording(path), path.name, lambda share, text: None, selector=SELECTORS[name])
-    return finite(found.diagnosis.plain())
-
-
 def _said(path: Path, word: str, held_out: dict[str, Any]) -> dict[str, Any]:
     return {
         "format": "ertskin-diagnosis",
@@ -158,11 +146,11 @@ def _said(path: Path, word: str, held_out: dict[str, Any]) -> dict[str, Any]:
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("name", choices=[*BASELINES, *SELECTORS])
+    parser.add_argument("name", choices=BASELINES)
     parser.add_argument("recording", type=Path)
     parser.add_argument("out", type=Path)
     options = parser.parse_args()
-    found = (selected if options.name in SELECTORS else verdict)(options.name, options.recording)
+    found = verdict(options.name, options.recording)
     options.out.mkdir(parents=True, exist_ok=True)
     aside = options.out / "diagnosis.json.part"
     aside.write_text(json.dumps(found, indent=1) + "\n")

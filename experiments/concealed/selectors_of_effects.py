@@ -34,20 +34,25 @@ def by_aic(
     partitions: Sequence[Sequence[int]],
     report: Report,
 ) -> Selection:
-    """Terms enter while Akaike's criterion falls on the very frames they are fitted to; nothing need be material."""
+    """Terms enter while Akaike's criterion falls on the very frames they are fitted to; nothing need be material.
+
+    Confidence: the term's Akaike weight among those tried with it and none (Burnham and Anderson 2002, section 2.9).
+    What no network explains counts in every fit: costs are of the same readings.
+    """
     problem = build(None)
-    before = current = problem.solve(fixed, start)
+    before = current = problem.solve(fixed, start, leftover=True)
     chosen: list[Chosen] = []
     for turn in range(MOST_TERMS):
         report(0.2 + 0.1 * turn, "AIC: looking for another term")
         current = problem.at_hand(current)
-        found = [_joined(problem, current, c) for c in _one_of_each(screen(problem, current, partitions), TRIED)]
+        found = [_joined(problem, current, c, True) for c in _one_of_each(screen(problem, current, partitions), TRIED)]
         best = min(found, key=_aic, default=current)
         if _aic(best) >= _aic(current):
             break
-        chosen.append(Chosen(best.terms[-1], current.cost - best.cost, _alone(problem, current), _rivals(best, found)))
+        rivals, weight = _rivals(best, found), _akaike_weight(best, [*found, current])
+        chosen.append(Chosen(best.terms[-1], current.cost - best.cost, _alone(problem, current), rivals, weight))
         problem = build(best)
-        current = problem.solve(best.terms, best.calibration)
+        current = problem.solve(best.terms, best.calibration, leftover=True)
     kept = tuple(replace(c, term=t) for c, t in zip(chosen, current.terms[len(fixed) :], strict=True))
     return Selection(before, current, kept, problem, ())
 
@@ -64,6 +69,7 @@ def by_lisdd(
 
     The calibration is fitted to the cells that look clean, frames with too much residual energy are flagged, every
     effect of the library is fitted to half of the cells and judged on the other half by an F-test; one term at most.
+    Confidence: 1 - the p-value of that test.
     """
     problem = build(None)
     whole = problem.solve(fixed, start)
@@ -79,16 +85,19 @@ def by_lisdd(
     half, other = _on(problem, even), _on(problem, [c for c in range(problem.cell_count) if c % 2])
     plain = half.solve(fixed, whole.calibration)
     lost = _energy(other, plain)
-    trials = [_joined(half, plain, c) for c in _one_of_each(screen(half, plain, partitions), len(partitions) + 20)]
+    trials = [
+        _joined(half, plain, c, c.term.effect.stage == "acquisition")
+        for c in _one_of_each(screen(half, plain, partitions), len(partitions) + 20)
+    ]
     best = min(trials, key=lambda t: _energy(other, t), default=None)
-    if (
-        best is None
-        or _f_test(lost, _energy(other, best), best, plain, int((other.weight > 0).sum()) * width) > ACCEPTED_P
-    ):
+    count = int((other.weight > 0).sum()) * width
+    p_value = 1.0 if best is None else _f_test(lost, _energy(other, best), best, plain, count)
+    if best is None or p_value > ACCEPTED_P:
         return Selection(whole, whole, (), problem, ())
     problem = build(problem.solve(best.terms, best.calibration))
     after = problem.solve(best.terms, best.calibration)
-    won = Chosen(after.terms[-1], whole.cost - after.cost, _alone(problem, whole), _rivals(best, trials))
+    rivals = _rivals(best, trials)
+    won = Chosen(after.terms[-1], whole.cost - after.cost, _alone(problem, whole), rivals, 1 - p_value)
     return Selection(whole, after, (won,), problem, ())
 
 
@@ -98,9 +107,8 @@ def _one_of_each(found: Sequence[Candidate], most: int) -> list[Candidate]:
     return [next(c for c in found if c.name == name) for name in names]
 
 
-def _joined(problem: VoltageProblem, current: Solved, candidate: Candidate) -> Solved:
-    instrument = candidate.term.effect.stage == "acquisition"
-    return problem.solve([*current.terms, candidate.term], current.calibration, steps=5, leftover=instrument)
+def _joined(problem: VoltageProblem, current: Solved, candidate: Candidate, leftover: bool) -> Solved:
+    return problem.solve([*current.terms, candidate.term], current.calibration, steps=5, leftover=leftover)
 
 
 def _rivals(best: Solved, found: Sequence[Solved]) -> tuple[Rival, ...]:
@@ -111,6 +119,10 @@ def _rivals(best: Solved, found: Sequence[Solved]) -> tuple[Rival, ...]:
 
 def _aic(solved: Solved) -> float:
     return 2 * solved.cost + 2 * len(solved.fit.value)
+
+
+def _akaike_weight(best: Solved, tried: Sequence[Solved]) -> float:
+    return float(1 / np.exp(-0.5 * (np.array([_aic(one) for one in tried]) - _aic(best))).sum())
 
 
 def _alone(problem: VoltageProblem, without: Solved) -> float:

@@ -167,6 +167,7 @@ def _claims(case: Case) -> list[Claim]:
     claims = [_against_rivals(claim) for claim in [*claims, *case.force.claims, *drift_claims(selection)]]
     for rule, why, judged in _rules(case):
         claims = reasoned(claims, judged(claims), rule, why)
+    claims = [*map(_as_chosen, claims, selection.chosen), *claims[len(selection.chosen) :]]
     claims += _instrument_claims(case)
     claims = [claim for claim in claims if claim.confidence >= case.criteria.least_confidence]
     return sorted(claims, key=lambda c: (c.effect.hypothesis.measured == Measured.CONTACT_PATH, -c.ratio_alone))
@@ -208,6 +209,13 @@ def _against_rivals(claim: Claim) -> Claim:
     """The claim with what its confidence begins from."""
     names = ", ".join(dict.fromkeys(rival.effect.name.replace("_", " ") for rival in claim.rivals)) or "none"
     return replace(claim, reasons=(Reason("rivals", 1.0, claim.confidence, f"fitted in its stead: {names}"),))
+
+
+def _as_chosen(claim: Claim, chosen: Chosen) -> Claim:
+    """The claim with the confidence of the way it was chosen, where that has its own."""
+    if chosen.confidence is None:
+        return claim
+    return replace(claim, confidence=chosen.confidence, reasons=())
 
 
 def _stage(case: Case, claims: list[Claim], verdict: str, jitters: bool) -> str | None:

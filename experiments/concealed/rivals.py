@@ -1,0 +1,76 @@
+"""Rivals of the diagnosis: the same simulator, calibration and library of effects, another way to say what is missing.
+
+``python experiments/concealed/rivals.py METHOD recording.h5 OUT/diagnosis.json``. As a method of the proof:
+``diagnose.py OUT --method "omp=python experiments/concealed/rivals.py omp {recording} {out}/diagnosis.json"``.
+Effects of the foam in the load cell's forces, contacts that wander at rest and a converter's declared limit belong to
+what all share; of those the discrepancy says nothing, for it has no names.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ.setdefault(variable, "1")
+
+from distortion_tests import by_distortion_tests  # noqa: E402
+from matching_pursuit import by_matching_pursuit  # noqa: E402
+from nameless_discrepancy import by_nothing, nameless  # noqa: E402
+from selectors_of_effects import by_aic, by_lisdd  # noqa: E402
+
+from ertskin.diagnosis.any_recording import diagnose_any  # noqa: E402
+from ertskin.diagnosis.contract.claims import Diagnosis  # noqa: E402
+from ertskin.diagnosis.judge.result import Findings  # noqa: E402
+from ertskin.diagnosis.output.diagnosis_file import write_diagnosis  # noqa: E402
+from ertskin.diagnosis.skin import Selector  # noqa: E402
+from ertskin.hardware.recording import read_recording  # noqa: E402
+
+
+@dataclass(frozen=True)
+class Method:
+    """How a rival chooses effects, and what it says once they are judged on the presses held out."""
+
+    chooses: Selector
+    says: Callable[[Findings], Diagnosis] = lambda findings: findings.diagnosis
+
+
+METHODS = {
+    "aic": Method(by_aic),
+    "lisdd": Method(by_lisdd),
+    "distortions": Method(by_distortion_tests),
+    "omp": Method(by_matching_pursuit),
+    "discrepancy": Method(by_nothing, nameless),
+}
+
+
+def diagnosis_by(name: str, path: Path) -> Diagnosis:
+    """What a rival says of a recording."""
+    method = METHODS[name]
+    return method.says(diagnose_any(read_recording(path), path.name, lambda share, text: None, selector=method.chooses))
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("method", choices=METHODS)
+    parser.add_argument("recording", type=Path)
+    parser.add_argument("diagnosis", type=Path, help="OUT/diagnosis.json")
+    options = parser.parse_args()
+    if options.diagnosis.name != "diagnosis.json":
+        parser.error(f"{options.diagnosis} isn't called diagnosis.json, as every diagnosis is")
+    found = diagnosis_by(options.method, options.recording)
+    write_diagnosis(options.diagnosis.parent, found)
+    names = ", ".join(f"{claim.effect.name} {claim.confidence:.2f}" for claim in found.claims) or "no name"
+    held = found.held_out
+    print(f"{options.recording.name}: {found.verdict}, {names}; held out {held.ratio_before} -> {held.ratio_after}")
+    print(f"{time.process_time():.0f} s of CPU")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
