@@ -78,7 +78,7 @@ def calibrated(recording: Recording, evidence: Evidence, resolution: str = "fine
         force_plain=plain,
         force_best=best,
         force_noise=noise,
-        force_n=_driving_force(evidence, best),
+        force_n=_driving_force(evidence, best, noise),
         specimen=signal,
         specimen_findings=findings,
         displaced=displaced,
@@ -137,8 +137,11 @@ def _force_stage(
     return select_force_effects(data, folds, criteria.significant_force_gain, criteria.second_share)
 
 
-def _driving_force(evidence: Evidence, best: ForceFit | None) -> Array:
-    """Forces that drive the skin: the force stage's where it fits to the noise, else the load cell's."""
+def _driving_force(evidence: Evidence, best: ForceFit | None, noise: ForceNoise) -> Array:
+    """Forces that drive the skin: the force stage's unless it surely misses more than the noise, else the load cell's.
+
+    Its noise drives the skin too: a tenth of a light press is several times what readings scatter by.
+    """
     history = evidence.history
     measured = np.where(history.touched, history.force_n, 0.0)
     if best is None:
@@ -146,7 +149,8 @@ def _driving_force(evidence: Evidence, best: ForceFit | None) -> Array:
             raise CannotTell("neither forces nor a force-depth curve: the simulator can't be driven")
         return np.nan_to_num(measured)
     count = int(np.isfinite(best.residual).sum())
-    fits = np.sqrt(best.chi_square / max(count, 1)) < evidence.criteria.force_mismatch_ratio
+    rmse_n = noise.rms_n * float(np.sqrt(best.chi_square / max(count, 1)))
+    fits = not noise.exceeded(rmse_n, count, evidence.criteria)
     predicted = np.where(history.touched, best.force_n, 0.0)
     better = np.isfinite(predicted) & (fits | ~np.isfinite(measured))
     return np.nan_to_num(np.where(better, predicted, measured))
