@@ -106,9 +106,9 @@ def _for_simulation(
     report: Report,
 ) -> Findings:
     """The findings, of which what is handed on is fitted to all presses where they are few, and chosen from all of
-    them where they are very few or have shown a field."""
+    them where they are very few or have shown a field. What spoils predictions isn't looked for again."""
     everything, presses = all_fitted(evidence)
-    nothing = presses >= FEW and (findings.diagnosis.spoilt or not selection.after.effects)
+    nothing = findings.diagnosis.spoilt or (presses >= FEW and not selection.after.effects)
     if presses >= MANY or nothing or findings.diagnosis.verdict == "no_mismatch":
         return findings
     report(0.94, "fitting all presses, which are few, for what is handed on")

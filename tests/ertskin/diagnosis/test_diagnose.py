@@ -114,7 +114,8 @@ def test_few_presses_that_can_not_be_fitted_together_hand_on_what_was_claimed() 
     ("presses", "effects", "field", "spoilt", "way"),
     [
         (11, 1, False, False, "chosen"),
-        (11, 0, False, True, "chosen"),
+        (11, 0, False, False, "chosen"),
+        (11, 1, True, True, "as found"),
         (12, 1, False, False, "fitted"),
         (12, 1, True, False, "chosen"),
         (12, 0, False, False, "as found"),
