@@ -50,7 +50,7 @@ LEAST_N = 0.15
 EFFECTS = Path("runs/conf/effects")
 """Where ``ertskin diagnose`` writes what it found, for other commands to choose."""
 DIAGNOSED = (6, 3, 12)
-"""Numbers of chosen presses that are diagnosed by themselves, and held against gridded ones."""
+"""Numbers of chosen presses that are diagnosed by themselves."""
 
 
 @dataclass(frozen=True)
@@ -137,11 +137,11 @@ def asked(recording: Recording, order: list[int]) -> Iterator[Point]:
         yield chosen
         if count in DIAGNOSED:
             yield replace(chosen, effects="of_these")
-            yield Point("none", "gridded", 0, gridded(recording, count))
+        yield Point("none", "gridded", 0, gridded(recording, count))
         if count == COUNTS[0]:
             yield replace(chosen, effects="of_these", retrained=True)
-            for draw in DRAWS:
-                yield Point("none", "random", draw, random_order(recording, draw)[:count])
+        for draw in DRAWS:
+            yield Point("none", "random", draw, random_order(recording, draw)[:count])
 
 
 def thinned(recording: Recording, presses: list[int], path: Path) -> Path:
