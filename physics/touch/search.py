@@ -305,18 +305,24 @@ class Search:
 
     def _one_less(self) -> bool:
         """Weigh one contact less than the best, the one least sure left out, unless that is out of question; whether
-        that is best then."""
+        that is best then.
+
+        Contacts that leave too much may have been reached by way of fewer that were in a wrong valley: a contact begun
+        far too light, say, gave way to a corner and left a ghost there. Those are weighed again.
+        """
         count = 0 if self.fit is None else len(self.fit.touch)
-        if self.fit is None or count < 2 or np.isfinite(self.logs[count - 1]):
+        poor = self.square >= SATISFIED
+        if self.fit is None or count < 2 or (np.isfinite(self.logs[count - 1]) and not poor):
             return False
         doubtful = int(np.argmax(self.covariance[:, 2, 2]))
-        if self.covariance[doubtful, 2, 2] < 1.0 / BEYOND_DOUBT:
+        if self.covariance[doubtful, 2, 2] < 1.0 / BEYOND_DOUBT and not poor:
             return False
         fit = fitted(self.reading, np.delete(self.fit.touch, doubtful, axis=0), self.model)
         if not self._possible(fit.touch):
             return False
-        self.logs[count - 1] = log_evidence(fit, self.low, self.high)
-        if self.logs[count - 1] < self.logs[count]:
+        log = log_evidence(fit, self.low, self.high)
+        self.logs[count - 1] = max(log, self.logs[count - 1])
+        if log < self.logs[count]:
             return False
         self._keep(fit)
         return True

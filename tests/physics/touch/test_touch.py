@@ -315,3 +315,23 @@ def test_a_contact_added_at_once_that_explains_too_little_is_weighed_against_tho
             monkeypatch.setattr(search, "LACKING", lacking)
             found.append(posterior.of(reading, proposed))
         np.testing.assert_array_equal(np.isfinite(found[0].force_n), np.isfinite(found[1].force_n))
+
+
+def test_a_ghost_that_a_wrong_valley_left_is_weighed_again(posterior):
+    """One contact came out badly when weighed alone, and again with another in a corner that takes what it left."""
+    reading = response(np.array([[0.03, 0.04]]), np.array([2.0]))[0] + np.random.default_rng(3).normal(size=42)
+
+    def with_ghost(square):
+        found = posterior._search(reading, lambda: np.empty((0, 3)))
+        found.logs[1] = found.logs[0] + 1.0
+        both = np.array([[0.03, 0.04, 2.0], [0.078, 0.002, 0.12]])
+        found._keep(search.fitted(reading, both, posterior._model, steps=0))
+        found.logs[2] = found.logs[1] + 1.0
+        found.square = square
+        found._fewer()
+        return found
+
+    assert len(with_ghost(0.9 * search.SATISFIED).fit.touch) == 2
+    cured = with_ghost(1.1 * search.SATISFIED)
+    assert cured.fit.touch[:, :2] == pytest.approx(np.array([[0.03, 0.04]]), abs=1e-3)
+    assert cured.logs[1] > cured.logs[2]
