@@ -21,9 +21,9 @@ class Standard:
     """What a recording sets: its fabric's law, its largest stress, its deepest press, its sheet; NaN where unknown.
 
     ``resistance`` gives the law's resistance, in any unit, over pressures (n,) in pascal; ``largest_pa`` is the largest
-    stress of the specimen. ``point_m`` (n,2): the sensing points, ``pressed_m`` (m,2) the places pressed, ``extent_m``
-    (2,2) the sheet's box. ``step_m``: the step in depth between frames while a press moves, ``scan_s`` how long a scan
-    takes.
+    stress of the specimen. ``point_m`` (n,2): the sensing points, ``extent_m`` (2,2) the sheet's box,
+    ``pressed_m`` (m,2) the places pressed. ``step_m``: the step in depth between frames while a press moves, ``scan_s``
+    how long a scan takes.
     """
 
     resistance: Callable[[Array], Array]
@@ -33,8 +33,8 @@ class Standard:
     step_m: float = np.nan
     scan_s: float = np.nan
     point_m: Array = field(default_factory=lambda: np.zeros((0, 2)))
-    pressed_m: Array = field(default_factory=lambda: np.zeros((0, 2)))
     extent_m: Array = field(default_factory=lambda: np.zeros((2, 2)))
+    pressed_m: Array = field(default_factory=lambda: np.zeros((0, 2)))
 
     def cycle_pa(self, share: float) -> Array:
         """(2 STEPS - 1,) pressures up to a share of the largest stress and down again."""
