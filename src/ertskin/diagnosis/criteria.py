@@ -84,7 +84,7 @@ class Criteria:
     force_mismatch_ratio: float = criterion(
         1.1,
         "rms over noise",
-        "misfit of the forces from which force and depth disagree; below it the fitted forces drive the skin",
+        "misfit of forces from which on force and depth disagree where it is sure; else fitted forces drive the skin",
         UNMEASURED,
         least=1,
     )

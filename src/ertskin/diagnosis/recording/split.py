@@ -42,7 +42,8 @@ def fitted_and_held(evidence: Evidence) -> tuple[Indices, Indices]:
 
 
 def folds_of(press: NDArray[np.int64], count: int) -> Indices:
-    """(n,) which of ``count`` folds each frame belongs to, by its press: of any so many presses on end one each, drawn.
+    """(n,) which of ``count`` folds, or of as many as there are presses, each frame belongs to, by its press: of any so
+    many presses on end one each, drawn.
 
     In turn they would be whole columns of a grid pressed row by row, and what is predicted places that none of the
     presses fitted is near to.
@@ -50,7 +51,7 @@ def folds_of(press: NDArray[np.int64], count: int) -> Indices:
     numbers, which = np.unique(press, return_inverse=True)
     rng = np.random.default_rng(SPLIT_SEED)
     drawn = np.concatenate([rng.permutation(count) for _ in range(0, len(numbers), count)])
-    return np.asarray(drawn[which], dtype=np.intp)
+    return np.unique(drawn[which], return_inverse=True)[1].astype(np.intp)
 
 
 def all_fitted(evidence: Evidence) -> tuple[Indices, int]:

@@ -23,6 +23,8 @@ from ertskin.physics.skin import Skin
 
 Array = NDArray[np.float64]
 
+SURER = 2**0.5
+"""Misfit over the load cell's noise below which what depths tell errs by less than the cell does."""
 FORCE_FOLDS = 3
 """Folds of presses by which the foam's effects are chosen."""
 UNYIELDING = 1e9, 1e-3
@@ -138,9 +140,10 @@ def _force_stage(
 
 
 def _driving_force(evidence: Evidence, best: ForceFit | None, noise: ForceNoise) -> Array:
-    """Forces that drive the skin: the force stage's unless it surely misses more than the noise, else the load cell's.
+    """Forces that drive the skin: the force stage's unless it surely misses more than the noise, or errs by as much as
+    the load cell, else the load cell's.
 
-    Its noise drives the skin too: a tenth of a light press is several times what readings scatter by.
+    The cell's noise drives the skin too: a tenth of a light press is several times what readings scatter by.
     """
     history = evidence.history
     measured = np.where(history.touched, history.force_n, 0.0)
@@ -150,7 +153,7 @@ def _driving_force(evidence: Evidence, best: ForceFit | None, noise: ForceNoise)
         return np.nan_to_num(measured)
     count = int(np.isfinite(best.residual).sum())
     rmse_n = noise.rms_n * float(np.sqrt(best.chi_square / max(count, 1)))
-    fits = not noise.exceeded(rmse_n, count, evidence.criteria)
+    fits = rmse_n < SURER * noise.rms_n and not noise.exceeded(rmse_n, count, evidence.criteria)
     predicted = np.where(history.touched, best.force_n, 0.0)
     better = np.isfinite(predicted) & (fits | ~np.isfinite(measured))
     return np.nan_to_num(np.where(better, predicted, measured))

@@ -307,7 +307,8 @@ def _best_form(
     numbers fitted to 1.06 of the noise and missed presses elsewhere by 3.28, one of ten to 1.08 and 1.14.
     """
     least = min(there.misfit for _, there in forms)
-    explained = AS_GOOD * (here.misfit**2 - least**2)
+    most = here.misfit**2 - least**2
+    explained = min(AS_GOOD * most, most / AS_GOOD)
     as_good = [pair for pair in forms if here.misfit**2 - pair[1].misfit ** 2 >= explained]
     if len(as_good) == 1 or all(form.term.modes is None for form, _ in as_good):
         return min(forms, key=lambda pair: pair[1].misfit)

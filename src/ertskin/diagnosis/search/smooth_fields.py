@@ -211,8 +211,8 @@ def _half(shape: tuple[int, int], extent_m: Array, length_m: Array, angle: float
 @dataclass(frozen=True, eq=False)
 class Process:
     """A Gaussian process by the number of its covariance, its standard deviation and its modes (M,K) that the data tell
-    of, with their most likely ``sizes`` (K,). In cells held out: ``gain`` in half chi-square, and ``misfit`` as
-    ``log_misfit`` has it."""
+    of, with their most likely ``sizes`` (K,). In cells held out: ``gain`` in half chi-square, or as ``log_misfit``
+    has it where that is more, and that ``misfit``."""
 
     covariance: int
     spread: float
@@ -236,13 +236,14 @@ def foretelling(quadratic: NodeQuadratic, extent_m: Array, partitions: Sequence[
     folds = [quadratic.fold(out) for out in partitions]
     halves = _covariances(node_shape(extent_m), tuple(map(float, extent_m.ravel())))
     costs, numbers = (np.array([getattr(fold, name) for fold in folds]) for name in ("out_cost", "out_numbers"))
-    found = []
+    without, found = log_misfit(costs, numbers), []
     for number in _likely(halves, gradient, hessian):
         for spread in SPREADS:
             modes, sizes = _told(halves[number], spread, gradient, hessian)
             gains = np.array([fold.gain(modes) for fold in folds])
             misfit = log_misfit(costs - gains, numbers)
-            found.append(Process(number, spread, modes, sizes, float(gains.sum()), misfit))
+            gain = max(float(gains.sum()), without - misfit)
+            found.append(Process(number, spread, modes, sizes, gain, misfit))
     return min(found, key=lambda process: process.misfit)
 
 

@@ -76,4 +76,4 @@ def test_folds_hold_whole_presses_one_of_any_six_on_end_and_no_column_of_a_grid(
 
 
 def test_folds_of_presses_that_are_fewer_than_folds_differ() -> None:
-    assert len(set(folds_of(np.array([4, 4, 7, 9]), 6)[[0, 2, 3]])) == 3
+    assert sorted(folds_of(np.array([4, 4, 7, 9]), 6)[[0, 2, 3]]) == [0, 1, 2]

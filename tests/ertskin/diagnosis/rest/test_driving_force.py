@@ -53,6 +53,11 @@ def test_a_load_cell_that_surely_disagrees_drives() -> None:
     assert np.array_equal(_driving_force(evidence(force_n), fitted(force_n, noise.rms_n), noise), force_n)
 
 
+def test_a_cell_whose_noise_is_hardly_known_drives_where_depths_are_off_by_more() -> None:
+    force_n, noise = read(0.1), ForceNoise(0.01, 1)
+    assert np.array_equal(_driving_force(evidence(force_n), fitted(force_n, noise.rms_n), noise), force_n)
+
+
 def test_without_either_nothing_drives() -> None:
     nowhere = np.full_like(TRUE_N, np.nan)
     with pytest.raises(CannotTell):
