@@ -54,12 +54,12 @@ RULES = {
     "few_numbers": Rule(
         "a smooth field gives way to a cause of few numbers where both together are likelier",
         (f"{SEARCH}.selection._of_few_numbers",),
-        lambda build, here, entered, *more: entered,
+        lambda build, incumbent, entered, *more: entered,
     ),
     "form_by_cells": Rule(
         "of a field's forms the one that foretells cells held out enters, not the one that fits best",
         (f"{SEARCH}.selection._foretelling",),
-        lambda there, partitions: there.misfit,
+        lambda fit, partitions: fit.misfit,
     ),
     "own_scale": Rule(
         "cells held out count each on its own scale of misfit, not by their chi-square",
@@ -74,22 +74,22 @@ RULES = {
     "nominal_again": Rule(
         "a fit whose ratio of moduli has gone far is begun again from nominal",
         (f"{SEARCH}.selection._reconsidered",),
-        lambda build, here: here,
+        lambda build, incumbent: incumbent,
     ),
     "freed": Rule(
         "forms are freed about the fit itself",
         (f"{SEARCH}.selection._refined",),
-        lambda build, here, partitions: here,
+        lambda build, incumbent, partitions: incumbent,
     ),
     "own_readings": Rule(
         "a specimen that shows nothing of what the skin remembers is left out at once",
         (f"{SEARCH}.selection._Search._by_own_readings",),
-        lambda search, here: here,
+        lambda search, incumbent: incumbent,
     ),
     "drifts_again": Rule(
         "contacts that wander are reconsidered after every term",
         (f"{SEARCH}.selection._without_drifts",),
-        lambda build, here, fixed: (here, fixed),
+        lambda build, incumbent, fixed: (incumbent, fixed),
     ),
 }
 
@@ -114,7 +114,7 @@ def answer(recording: Path, rule: str | None, out: Path) -> dict[str, Any]:
         begun = process_time()
         with without(rule):
             found = diagnose(read_recording(recording), str(recording), lambda share, text: None)
-        said = {**found.diagnosis.plain(), "cpu_s": process_time() - begun}
+        said = {**found.diagnosis.as_builtins(), "cpu_s": process_time() - begun}
         file.parent.mkdir(parents=True, exist_ok=True)
         write_whole(file, json.dumps(finite(said), indent=1))
     return dict(json.loads(file.read_text(encoding="utf-8")))

@@ -15,7 +15,7 @@ import numpy as np
 from dictionary import dictionaries
 from numpy.typing import NDArray
 
-from ertskin.diagnosis.fit.full_solution_check import Standing, exact, settled
+from ertskin.diagnosis.fit.full_solution_check import CheckedFit, exact, settled
 from ertskin.diagnosis.fit.joint_fit import Solved, Term, VoltageProblem
 from ertskin.diagnosis.linear.calibration_vector import Calibration
 from ertskin.diagnosis.search.selection import MOST_TERMS, Chosen, Selection
@@ -46,12 +46,12 @@ def by_matching_pursuit(
     path = [settled(build, build(None).solve(fixed, start))]
     for turn in range(MOST_TERMS):
         report(0.2 + 0.1 * turn, f"pursuit: term {turn + 1}")
-        there = _one_more(build, path[-1])
-        if there is None:
+        proposed = _one_more(build, path[-1])
+        if proposed is None:
             break
-        path.append(there)
+        path.append(proposed)
     # Solved in full, each about its own fit: what linearising leaves would be as large as what a term gains.
-    fits = [exact(here.problem, here.solved) for here in path]
+    fits = [exact(fit.problem, fit.solved) for fit in path]
     errors = np.array([[error_without(*fit, out) for out in partitions] for fit in fits])
     best = int(errors.sum(axis=1).argmin())
     fallen = (errors[1:] < errors[:-1]).mean(axis=1)
@@ -61,9 +61,9 @@ def by_matching_pursuit(
     return Selection(solved[0], solved[best], chosen, fits[best][0], ())
 
 
-def _one_more(build: Problem, here: Standing) -> Standing | None:
+def _one_more(build: Problem, incumbent: CheckedFit) -> CheckedFit | None:
     """With the effect more whose columns correlate most with the residual; None where there is none, or no sheet."""
-    problem, current = here.problem, here.problem.at_hand(here.solved)
+    problem, current = incumbent.problem, incumbent.problem.at_hand(incumbent.solved)
     found = [
         (one.share * fall, one, k)
         for one in dictionaries(problem, current)

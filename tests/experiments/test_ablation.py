@@ -62,7 +62,9 @@ def test_what_rules_took_is_told_by_the_claims_reasons() -> None:
 def test_a_rule_has_its_line_once_all_its_recordings_are_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     recordings = [Path("a.h5")]
     (tmp_path / "a.json").write_text('{"truth": {"kind": "null", "effects": []}}')
-    said = SimpleNamespace(plain=lambda: {"verdict": "no_mismatch", "effects": [], "held_out": {"ratio_after": 1.01}})
+    said = SimpleNamespace(
+        as_builtins=lambda: {"verdict": "no_mismatch", "effects": [], "held_out": {"ratio_after": 1.01}}
+    )
     monkeypatch.setattr(ablation, "read_recording", lambda path: None)
     monkeypatch.setattr(ablation, "diagnose", lambda *given: SimpleNamespace(diagnosis=said))
     ablation.answer(recordings[0], "freed", tmp_path / "out")

@@ -61,7 +61,7 @@ def test_a_disk_seen_from_beside_its_middle_is_mapped_by_a_moebius_map(study):
 
 
 def said(tank) -> dict:
-    return diagnose_any(tank.recording(), "tank.h5", lambda share, text: None).diagnosis.plain()
+    return diagnose_any(tank.recording(), "tank.h5", lambda share, text: None).diagnosis.as_builtins()
 
 
 def names(found: dict) -> dict[str, float]:

@@ -51,7 +51,7 @@ def main() -> None:
 
 def diagnosed(path: Path) -> dict[str, Any]:
     """What ``ertskin diagnose`` says of a tank; shifts along the rim over its radius."""
-    found = diagnose_tank(read_recording(path), path.name).diagnosis.plain()
+    found = diagnose_tank(read_recording(path), path.name).diagnosis.as_builtins()
     placement = found["placement"]
     return {
         "verdict": found["verdict"],

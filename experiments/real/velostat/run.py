@@ -157,7 +157,7 @@ def verdict(data: Path, force_n: int) -> dict[str, Any]:
     name = f"velostat_{force_n}n.h5"
     specimen = read_recording(data / "real" / name).specimen
     assert specimen is not None
-    said = diagnose_specimen(specimen, name).diagnosis.plain()
+    said = diagnose_specimen(specimen, name).diagnosis.as_builtins()
     keys = ("verdict", "reason", "specimen_held_out", "presses", "effects")
     return {key: said.get(key) for key in keys} | {"depends_on": said["where"]["depends_on"]}
 

@@ -92,7 +92,7 @@ class Diagnoses:
         about = {
             "recording_sha256": file_sha256(source),
             "criteria": asdict(self.criteria),
-            "figures": [one.plain() for one in drawn],
+            "figures": [one.as_builtins() for one in drawn],
         }
         diagnosis = replace(findings.diagnosis, extra={**findings.diagnosis.extra, **about})
         made = write_report(out, findings, drawn, commands, provenance(source, self.resolution))

@@ -75,13 +75,13 @@ def _diagnose(
     report(0.04, "calibrating at rest, fitting force and depth")
     baseline = calibrated(recording, evidence, resolution)
     noise = baseline.noise
-    evidence = replace(evidence, noise_v=noise.rms_v, stray=noise.stray, traces=baseline.traces)
+    evidence = replace(evidence, noise_v=noise.rms_v, excess_noise=noise.excess_noise, traces=baseline.traces)
     fitted, held = fitted_and_held(evidence)
     family = SkinFamily(baseline.skin, resolution)
     selection = _selected(evidence, baseline, family, fitted, selector, report)
-    plain = _plain(evidence, baseline, family, fitted, selection)
+    uncorrected = _uncorrected(evidence, baseline, family, fitted, selection)
     report(0.85, "predicting presses no fit has seen")
-    found = predictions(evidence, baseline, plain, selection, family, held)
+    found = predictions(evidence, baseline, uncorrected, selection, family, held)
     if selection.chosen and found.ratio_after > criteria.mismatch_ratio:
         found = replace(found, known_ratio=_known_ratio(evidence, baseline, family, selection, found))
     skin = family.skin(selection.after.calibration, selection.after.effects)
@@ -123,8 +123,8 @@ def _fitted_to(
 ) -> Selection:
     """The selection with its terms fitted to the frames ``rows``."""
     linearised, specimen = _building(evidence, baseline, family, rows, _silent), selection.problem.specimen
-    there = settled(lambda solved: replace(linearised(solved), specimen=specimen), selection.after)
-    problem, after = exact(there.problem, there.solved)
+    checked = settled(lambda solved: replace(linearised(solved), specimen=specimen), selection.after)
+    problem, after = exact(checked.problem, checked.solved)
     return replace(selection, after=after, problem=problem)
 
 
@@ -189,12 +189,14 @@ def _building(evidence: Evidence, baseline: Baseline, family: SkinFamily, fitted
     return build
 
 
-def _plain(evidence: Evidence, baseline: Baseline, family: SkinFamily, fitted: Indices, selection: Selection) -> Solved:
+def _uncorrected(
+    evidence: Evidence, baseline: Baseline, family: SkinFamily, fitted: Indices, selection: Selection
+) -> Solved:
     """The simulator calibrated without any effect, forces from a linear pad: what the diagnosis is to improve on."""
     if not selection.before.effects:
         return selection.before
     skin = family.remeshed(_start(baseline), ())
-    problem = _problem(evidence, baseline, family, skin, baseline.plain_force_n, fitted, _silent)
+    problem = _problem(evidence, baseline, family, skin, baseline.linear_force_n, fitted, _silent)
     return problem.solve((), _start(baseline))
 
 
@@ -209,7 +211,7 @@ def _known_ratio(
         return None
     skin = family.remeshed(after.calibration, after.effects)
     problem = _problem(evidence, baseline, family, skin, baseline.force_n, found.held, _silent)
-    left = found.after - error.expected(problem, after) * problem.evidence.told_more[:, None]
+    left = found.after - error.expected(problem, after) * problem.evidence.traces_factor[:, None]
     return ratio_with_what_is_unknown(problem, after, left)
 
 

@@ -22,7 +22,7 @@ def diagnose(
     """Diagnose a recording, or the file at a path; seconds to minutes.
 
     The answer's ``verdict`` and ``claims`` say what was found, its ``effects`` go straight into ``simulate``, with the
-    ``calibration`` that was fitted together with them (None where no effect was named), and ``plain()`` gives the
+    ``calibration`` that was fitted together with them (None where no effect was named), and ``as_builtins()`` gives the
     dictionary that ``ertskin diagnose`` writes to diagnosis.json.
 
     Args:

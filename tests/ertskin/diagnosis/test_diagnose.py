@@ -93,7 +93,7 @@ def test_of_few_presses_what_all_of_them_show_is_handed_on(tmp_path: Path, every
     assert calibration is not None
     np.testing.assert_array_equal(calibration.contact_resistance_ohm, found.whole.after.calibration.contact_ohm)
     assert (found.whole.chosen is found.selection.chosen) == (every == 1)
-    assert found.diagnosis.plain()["of_all_presses"] == [effect.name for effect in found.diagnosis.effects]
+    assert found.diagnosis.as_builtins()["of_all_presses"] == [effect.name for effect in found.diagnosis.effects]
 
 
 def test_few_presses_that_can_not_be_fitted_together_hand_on_what_was_claimed() -> None:

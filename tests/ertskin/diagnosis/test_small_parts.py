@@ -174,11 +174,11 @@ def test_names_that_spoil_the_prediction_are_said_but_not_handed_on() -> None:
     held = HeldOut("s", 2e-5, 2.3, 7.7, 0.5)
     said = Diagnosis("a.h5", "partly_explained", held, claims=(Claim(PiezoHysteresis(width=0.1), 0.4, 2.0, {}),))
     assert said.effects
-    assert said.plain()["handed_on"] is True
+    assert said.as_builtins()["handed_on"] is True
     spoilt = replace(said, spoilt=True)
     assert spoilt.effects == ()
-    assert spoilt.plain()["handed_on"] is False
-    assert spoilt.plain()["effects"] == said.plain()["effects"]
+    assert spoilt.as_builtins()["handed_on"] is False
+    assert spoilt.as_builtins()["effects"] == said.as_builtins()["effects"]
 
 
 def strokes(presses: int) -> History:
@@ -200,12 +200,12 @@ def test_force_stage_names_what_the_load_cell_shows(hidden) -> None:
     force = foam_force_n(history, 1800.0, 9000.0, 0.004, hidden)
     force = force + 0.01 * np.random.default_rng(3).standard_normal(force.shape)
     data = ForceData(replace(history, force_n=force), 0.01, 9000.0, 1e-3, 0.004)
-    plain, best = select_force_effects(data, history.press % 3, 10.0, 0.1)
+    linear, best = select_force_effects(data, history.press % 3, 10.0, 0.1)
     assert tuple(e.name for e in best.effects) == tuple(e.name for e in hidden)
     for found, true in zip(best.effects, hidden, strict=True):
         key = next(iter(true.parameters()))
         assert getattr(found, key) == pytest.approx(getattr(true, key), rel=0.1)
-    assert best.chi_square <= plain.chi_square
+    assert best.chi_square <= linear.chi_square
 
 
 @pytest.mark.parametrize("scan_s", [0.02, 0.4, 2.0])

@@ -106,4 +106,4 @@ def test_a_resting_skin_is_diagnosed(calibration: ertskin.Calibration, protocol:
     answer = ertskin.diagnose(recording)
     assert answer.verdict in ("no_mismatch", "cannot_tell")
     assert answer.effects == ()
-    assert answer.plain()["format"] == "ertskin-diagnosis"
+    assert answer.as_builtins()["format"] == "ertskin-diagnosis"

@@ -29,7 +29,7 @@ class Estimate:
     high: float
     unit: str
 
-    def plain(self) -> dict[str, Any]:
+    def as_builtins(self) -> dict[str, Any]:
         """As ``diagnosis.json`` wants it."""
         return {"value": self.value, "low": self.low, "high": self.high, "unit": self.unit, "level": LEVEL}
 
@@ -38,19 +38,20 @@ class Estimate:
 class FieldMap:
     """The values (n,) of an effect's field at points (n,2) in metre.
 
-    Of its smooth part, where there is one, the standard ``error`` (n,) and where the recording has ``told`` it (n,).
+    Of its smooth part, where there is one, the standard ``error`` (n,) and where the recording has
+    ``determined`` it (n,).
     """
 
     point_m: NDArray[np.float64]
     value: NDArray[np.float64]
     error: NDArray[np.float64] | None = None
-    told: NDArray[np.bool_] | None = None
+    determined: NDArray[np.bool_] | None = None
 
-    def plain(self) -> dict[str, Any]:
+    def as_builtins(self) -> dict[str, Any]:
         """As ``diagnosis.json`` wants it."""
         numbers = {"point_m": np.round(self.point_m, 6).tolist(), "value": np.round(self.value, 5).tolist()}
-        if self.error is not None and self.told is not None:
-            numbers |= {"error": np.round(self.error, 5).tolist(), "told": self.told.tolist()}
+        if self.error is not None and self.determined is not None:
+            numbers |= {"error": np.round(self.error, 5).tolist(), "told": self.determined.tolist()}
         return numbers
 
 
@@ -71,7 +72,7 @@ class Reason:
     after: float
     why: str
 
-    def plain(self) -> dict[str, Any]:
+    def as_builtins(self) -> dict[str, Any]:
         """As ``diagnosis.json`` wants it."""
         return {"rule": self.rule, "before": round(self.before, 3), "after": round(self.after, 3), "why": self.why}
 
@@ -84,7 +85,7 @@ class Tried:
     gain: float
     kept: bool
 
-    def plain(self) -> dict[str, Any]:
+    def as_builtins(self) -> dict[str, Any]:
         """As ``diagnosis.json`` wants it."""
         return {"effects": list(self.effects), "gain": round(self.gain, 1), "kept": self.kept}
 
@@ -120,22 +121,22 @@ class Claim:
         """The parameters; of an effect that is a field alone, its quantities."""
         return self.parameters or self.quantities
 
-    def plain(self) -> dict[str, Any]:
+    def as_builtins(self) -> dict[str, Any]:
         """As ``diagnosis.json`` wants it."""
         return {
             "name": self.effect.name,
             "confidence": round(self.confidence, 3),
             "ratio_alone": round(self.ratio_alone, 4),
-            "parameters": {key: e.plain() for key, e in self.parameters.items()}
+            "parameters": {key: e.as_builtins() for key, e in self.parameters.items()}
             | {
                 key: {"value": value, "low": value, "high": value, "unit": "1", "level": LEVEL}
                 for key, value in self.effect.settings().items()
                 if key in ("electrode", "channel") and isinstance(value, int) and value >= 0
             },
             "alternatives": [{"name": n, "confidence": round(c, 3)} for n, c in self.alternatives],
-            "reasons": [reason.plain() for reason in self.reasons],
-            "quantities": {key: e.plain() for key, e in self.quantities.items()},
-            "map": None if self.field_map is None else self.field_map.plain(),
+            "reasons": [reason.as_builtins() for reason in self.reasons],
+            "quantities": {key: e.as_builtins() for key, e in self.quantities.items()},
+            "map": None if self.field_map is None else self.field_map.as_builtins(),
         }
 
 
@@ -151,7 +152,7 @@ class HeldOut:
     force_before_n: float | None = None
     force_after_n: float | None = None
 
-    def plain(self) -> dict[str, Any]:
+    def as_builtins(self) -> dict[str, Any]:
         """As ``diagnosis.json`` wants it."""
         force = None
         if self.force_before_n is not None:
@@ -208,14 +209,14 @@ class Diagnosis:
             return self.of_all_presses
         return () if self.spoilt else tuple(claim.effect for claim in self.claims if claim.in_readings)
 
-    def plain(self) -> dict[str, Any]:
+    def as_builtins(self) -> dict[str, Any]:
         """The contract's dictionary."""
         document = {
             "format": "ertskin-diagnosis",
             "format_version": 1,
             "recording": self.recording,
             "verdict": self.verdict,
-            "held_out": self.held_out.plain(),
+            "held_out": self.held_out.as_builtins(),
             "where": {
                 "stage": self.stage,
                 "electrodes": list(self.electrodes),
@@ -223,18 +224,18 @@ class Diagnosis:
                 "radius_m": self.radius_m,
                 "depends_on": list(self.depends_on),
             },
-            "effects": [claim.plain() for claim in self.claims],
+            "effects": [claim.as_builtins() for claim in self.claims],
             "handed_on": bool(self.effects),
             "of_all_presses": None if self.of_all_presses is None else [effect.name for effect in self.of_all_presses],
             "unexplained": {
                 "ratio": self.unexplained_ratio,
                 "depends_on": list(self.unexplained_depends_on),
                 "ratio_with_nameless_model": self.remainder_ratio,
-                "presses_differ": None if self.presses_differ is None else self.presses_differ.plain(),
+                "presses_differ": None if self.presses_differ is None else self.presses_differ.as_builtins(),
             },
             "next_press": self.next_press,
             "specimen": self.specimen,
-            "tried": [one.plain() for one in self.tried],
+            "tried": [one.as_builtins() for one in self.tried],
         }
         if self.reason is not None:
             document["reason"] = self.reason

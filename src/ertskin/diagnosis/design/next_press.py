@@ -54,7 +54,7 @@ class Design:
     speed_m_per_s: float
     cycles: int
 
-    def plain(self) -> dict[str, Any]:
+    def as_builtins(self) -> dict[str, Any]:
         """As ``diagnosis.json`` and ``ertskin record plan=...`` have it."""
         return {
             "position_m": list(self.position_m),
@@ -72,7 +72,7 @@ class Design:
 
 @dataclass(frozen=True)
 class Feasible:
-    """What the rig can do: choices for every coordinate of a design; the first of each is the plain press."""
+    """What the rig can do: choices for every coordinate of a design; the first of each is the reference press."""
 
     position_m: tuple[tuple[float, float], ...]
     depth_m: tuple[float, ...]
@@ -82,14 +82,14 @@ class Feasible:
 
     @classmethod
     def of(cls, sensor: Sensor, history: History) -> Feasible:
-        """Presses at the taxels and between them, no deeper than the recording's; the plain one in the middle."""
+        """Presses at the taxels and between them, no deeper than the recording's; the reference in the middle."""
         depth = history.depth_m[history.touched & np.isfinite(history.depth_m)]
         deepest = float(depth.max()) if len(depth) else 2e-3
         place = spread_out(places_m(sensor), sensor.extent_m.mean(axis=0), PLACES)
         return cls(tuple((float(x), float(y)) for x, y in place), (deepest, deepest / 2, deepest / 4))
 
     @property
-    def plain(self) -> Design:
+    def reference(self) -> Design:
         """The press to beat."""
         return Design(self.position_m[0], self.depth_m[0], self.hold_s[0], self.speed_m_per_s[0], self.cycles[0])
 
@@ -127,27 +127,29 @@ def next_press(
     coarse = [_coarse(s) for s in (skin, *rivals.values())]
     known: dict[Design, float] = {}
 
-    def told(design: Design) -> float:
+    def worst_case(design: Design) -> float:
         if design not in known:
-            known[design] = min(told_apart(coarse[0], rival, design, noise_v, force_noise_n) for rival in coarse[1:])
+            known[design] = min(
+                discrimination(coarse[0], rival, design, noise_v, force_noise_n) for rival in coarse[1:]
+            )
         return known[design]
 
-    best = plain = feasible.plain
+    best = reference = feasible.reference
     for _ in range(ROUNDS):
         for coordinate in ("hold_s", "cycles", "speed_m_per_s", "depth_m", "position_m"):
             designs = [replace(best, **{coordinate: choice}) for choice in getattr(feasible, coordinate)]
-            enough = NEARLY * max(told(d) for d in designs)
-            best = min((d for d in designs if told(d) >= enough), key=lambda d: (d.duration_s, -told(d)))
-    if told(best) < NOTHING:
+            enough = NEARLY * max(worst_case(d) for d in designs)
+            best = min((d for d in designs if worst_case(d) >= enough), key=lambda d: (d.duration_s, -worst_case(d)))
+    if worst_case(best) < NOTHING:
         return None
     return {
-        "reason": _reason(best, plain, told(best), told(plain)),
+        "reason": _reason(best, reference, worst_case(best), worst_case(reference)),
         "between": [name, *rivals],
-        "press": [best.plain()],
+        "press": [best.as_builtins()],
     }
 
 
-def _reason(best: Design, plain: Design, told: float, before: float) -> str:
+def _reason(best: Design, reference: Design, expected: float, before: float) -> str:
     words = {
         "position_m": f"at ({1e3 * best.position_m[0]:.0f}, {1e3 * best.position_m[1]:.0f}) mm",
         "depth_m": f"{1e3 * best.depth_m:.2g} mm deep",
@@ -155,15 +157,15 @@ def _reason(best: Design, plain: Design, told: float, before: float) -> str:
         "speed_m_per_s": f"at {1e3 * best.speed_m_per_s:.2g} mm/s",
         "cycles": f"{best.cycles} times",
     }
-    own = [text for key, text in words.items() if getattr(best, key) != getattr(plain, key)]
+    own = [text for key, text in words.items() if getattr(best, key) != getattr(reference, key)]
     what = f"a press {', '.join(own)}" if own else "one more press in the middle"
-    return f"they differ most in {what}: expected half chi-square {told:.3g}, {before:.3g} in a plain press"
+    return f"they differ most in {what}: expected half chi-square {expected:.3g}, {before:.3g} in a plain press"
 
 
 # what two models make of a press ---------------------------------------------------------------------------------
 
 
-def told_apart(skin: Skin, rival: Skin, design: Design, noise_v: float, force_noise_n: float) -> float:
+def discrimination(skin: Skin, rival: Skin, design: Design, noise_v: float, force_noise_n: float) -> float:
     """Expected half chi-square between two skins' predictions of a press, beyond what refitting absorbs."""
     trial = Trial.of(skin, design, noise_v, force_noise_n, _read_alike(skin, rival))
     predicted, foreign = trial.predicted(skin), trial.predicted(rival)
@@ -204,7 +206,7 @@ class Trial:
     @classmethod
     def of(cls, skin: Skin, design: Design, noise_v: float, force_noise_n: float, unread: bool = False) -> Trial:
         """The press as the rig would carry it out on a skin."""
-        rows = frames(plan_from_presses([design.plain()]))
+        rows = frames(plan_from_presses([design.as_builtins()]))
         time_s, depth, phase, count = (np.array(column) for column in zip(*rows, strict=True))
         place = np.where((phase != Phase.REST)[:, None], np.array(design.position_m), np.nan)[:, None]
         unknown, press = np.full((len(time_s), 1), np.nan), np.zeros(len(time_s), dtype=np.int64)

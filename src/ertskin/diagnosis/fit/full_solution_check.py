@@ -25,7 +25,7 @@ UNMOVED = 1.0
 
 
 @dataclass(frozen=True, eq=False)
-class Standing:
+class CheckedFit:
     """A fit and the problem it was made with. On a few frames solved in full: ``misfit`` of the fit and ``off``, by how
     much the linearised skin differs from the whole one, both rms over noise."""
 
@@ -35,17 +35,17 @@ class Standing:
     off: float
 
     @property
-    def strays(self) -> bool:
+    def linearisation_fails(self) -> bool:
         """Whether the fit has gone where the linearised skin no longer is the skin."""
         claimed = float(np.sqrt(np.mean(self.solved.scan_residual[_sampled(self.problem)] ** 2)))
         return not self.off <= FAR * max(1.0, claimed)
 
-    def spoils(self, other: Standing) -> bool:
+    def spoils(self, other: CheckedFit) -> bool:
         """Whether frames solved in full fit worse than in the ``other``."""
         return not self.misfit <= self.problem.evidence.criteria.chance_ratio * other.misfit
 
 
-def standing(problem: VoltageProblem, solved: Solved) -> Standing:
+def checked_fit(problem: VoltageProblem, solved: Solved) -> CheckedFit:
     """Solve a few of the frames in full."""
     rows, evidence = _sampled(problem), problem.evidence
     whole = problem.in_full(solved, rows)
@@ -53,10 +53,10 @@ def standing(problem: VoltageProblem, solved: Solved) -> Standing:
     off = float(np.sqrt(np.mean(((claimed - whole) / evidence.noise_v) ** 2)))
     sampled = evidence.frames(rows)
     wrong = sampled.discounted((sampled.scan_v - whole) / evidence.noise_v)
-    return Standing(problem, solved, float(np.sqrt(np.mean(wrong**2))), off)
+    return CheckedFit(problem, solved, float(np.sqrt(np.mean(wrong**2))), off)
 
 
-def settled(build: Problem, solved: Solved) -> Standing:
+def settled(build: Problem, solved: Solved) -> CheckedFit:
     """Linearised about the fit and fitted again, until the fit stays where the linearised skin is the skin.
 
     What presses have left behind elsewhere is to first order about rest wherever the skin is linearised: where that
@@ -67,11 +67,11 @@ def settled(build: Problem, solved: Solved) -> Standing:
     for _ in range(TURNS):
         problem = build(solved)
         solved = problem.solve(solved.terms, solved.calibration)
-        here = standing(problem, solved)
-        if not here.strays or (lasting and here.off > NEARER * off):
+        checked = checked_fit(problem, solved)
+        if not checked.linearisation_fails or (lasting and checked.off > NEARER * off):
             break
-        off = here.off
-    return here
+        off = checked.off
+    return checked
 
 
 def exact(problem: VoltageProblem, solved: Solved) -> tuple[VoltageProblem, Solved]:
@@ -82,8 +82,8 @@ def exact(problem: VoltageProblem, solved: Solved) -> tuple[VoltageProblem, Solv
     """
     for _ in range(EXACT_TURNS):
         corrected = problem.corrected(solved)
-        there = corrected.solve(solved.terms, solved.calibration)
-        problem, moved, solved = corrected, abs(there.cost - solved.cost), there
+        proposed = corrected.solve(solved.terms, solved.calibration)
+        problem, moved, solved = corrected, abs(proposed.cost - solved.cost), proposed
         if moved < UNMOVED:
             break
     return problem, solved

@@ -187,7 +187,7 @@ class VoltageProblem:
         return self.acquisition.scans(skin) + self.correction_v
 
     def scan_residual(self, skin: Skin) -> Array:
-        """(T,P) in units of the noise, what rest frames stray by discounted."""
+        """(T,P) in units of the noise, the excess noise of rest frames discounted."""
         wrong = (self.evidence.scan_v - self.scans(skin)) / self.evidence.noise_v
         return self.evidence.discounted(np.where(self.weight[:, None] > 0, wrong, 0.0))
 
@@ -286,11 +286,11 @@ class VoltageProblem:
             step = layout.step(k, x)
             moved = x.copy()
             moved[k] += step
-            there = self._blocks(self._skin(layout, moved), leftover is not None and k in instrument)
-            columns[..., k] = (scan - there[0]) / step
-            specimen_columns[:, k] = (specimen - there[1]) / step
-            if leftover is not None and there[2] is not None:
-                leftover_columns[:, instrument.index(k)] = ((leftover - there[2]) / step).ravel()
+            stepped = self._blocks(self._skin(layout, moved), leftover is not None and k in instrument)
+            columns[..., k] = (scan - stepped[0]) / step
+            specimen_columns[:, k] = (specimen - stepped[1]) / step
+            if leftover is not None and stepped[2] is not None:
+                leftover_columns[:, instrument.index(k)] = ((leftover - stepped[2]) / step).ravel()
         self._fill_fields(layout, skin, columns)
         self.last_columns = columns, specimen_columns
         self.last_leftover = None if leftover is None else (np.array(instrument, dtype=np.intp), leftover_columns)
@@ -305,15 +305,15 @@ class VoltageProblem:
         found *= np.where(self.weight[:, None, None] > 0, 1 / self.evidence.noise_v, 0.0)
         return self.evidence.discounted(found)
 
-    def _fill_specimen(self, layout: _Layout, x: Array, which: Sequence[int], here: Array, columns: Array) -> None:
-        """The specimen's columns (S,n) by the numbers ``which``, about its residuals ``here`` (S,)."""
+    def _fill_specimen(self, layout: _Layout, x: Array, which: Sequence[int], base: Array, columns: Array) -> None:
+        """The specimen's columns (S,n) by the numbers ``which``, about its residuals ``base`` (S,)."""
         if self.specimen is None:
             return
         for k in which:
             moved = x.copy()
             moved[k] += layout.step(k, x)
-            there = self.specimen.residual(self._skin(layout, moved))
-            columns[:, k] = (here - there) / layout.step(k, x)
+            stepped = self.specimen.residual(self._skin(layout, moved))
+            columns[:, k] = (base - stepped) / layout.step(k, x)
 
     def _fill_fields(self, layout: _Layout, skin: Skin, columns: NDArray[np.float32]) -> None:
         """The columns (T,P,n) of smooth fields, by their modes."""

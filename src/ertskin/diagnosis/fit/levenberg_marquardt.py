@@ -82,15 +82,15 @@ def descend(
     def total(x: Array) -> float:
         return cost(x) + 0.5 * float(((x - prior_mean) ** 2 * prior_precision).sum())
 
-    here, damping, taken = total(value), 1e-6, 0
+    lowest, damping, taken = total(value), 1e-6, 0
     quadratic = linearise(value)
     while taken < steps:
         taken += 1
         gradient = quadratic.gradient.sum(axis=0) - prior_precision * (value - prior_mean)
         hessian = quadratic.hessian.sum(axis=0) + prior
         bounds = np.maximum(low, value - longest), np.minimum(high, value + longest)
-        value, there, damping = _downhill(total, (value, here), gradient, hessian, bounds, damping, tolerance)
-        gained, here = here - there, there
+        value, reached, damping = _downhill(total, (value, lowest), gradient, hessian, bounds, damping, tolerance)
+        gained, lowest = lowest - reached, reached
         if gained <= 0:
             break
         quadratic = linearise(value)
@@ -112,19 +112,19 @@ def _downhill(
 
     The point itself where none comes down, or what the step promises is less than ``tolerance``.
     """
-    value, here = begun
+    value, lowest = begun
     for _ in range(8):
         step = bounded_step(gradient, hessian, value, *bounds, damping)
         if not np.isfinite(step).all():
             break
         trial = np.clip(value + step, *bounds)
-        there = total(trial)
-        if there < here:
-            return trial, there, max(damping / 10, 1e-9)
+        trial_cost = total(trial)
+        if trial_cost < lowest:
+            return trial, trial_cost, max(damping / 10, 1e-9)
         if float(gradient @ step) < tolerance:
             break
         damping = max(damping * 20, 1e-4)
-    return value, here, damping
+    return value, lowest, damping
 
 
 def bounded_step(gradient: Array, hessian: Array, value: Array, low: Array, high: Array, damping: float) -> Array:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ertskin.diagnosis.contract.claims import Claim, Estimate, Rival, against, estimate
 from ertskin.diagnosis.force.fit import ForceData, ForceEffect, ForceFit, fit_force, force_starts, free_parameters
-from ertskin.diagnosis.force.indistinguishable import told_apart
+from ertskin.diagnosis.force.indistinguishable import distinguishable
 from ertskin.diagnosis.judge.confidence import left_over_of_force
 from ertskin.diagnosis.recording.evidence import Evidence
 from ertskin.diagnosis.rest.baseline import Baseline
@@ -36,11 +36,11 @@ def force_answer(evidence: Evidence, baseline: Baseline, selection: Selection, h
 
     ``selection`` tells how much of the force the sheet feels.
     """
-    plain, best = baseline.force_plain, baseline.force_best
-    if plain is None or best is None:
+    linear, best = baseline.force_linear, baseline.force_best
+    if linear is None or best is None:
         return ForceAnswer((), None, None, off=_off(evidence, baseline))
     noise = baseline.force_noise.rms_n
-    before, after = (_predicted_n(evidence, baseline, fit, held) for fit in (plain, best))
+    before, after = (_predicted_n(evidence, baseline, fit, held) for fit in (linear, best))
     # What the readings show as well is claimed by them, who know its course.
     shown = {chosen.term.name for chosen in selection.chosen}
     claims = [_felt(_claim(evidence, baseline, best, e), selection) for e in best.effects if e.name not in shown]
@@ -111,7 +111,7 @@ def _rivals(data: ForceData, best: ForceFit, rest: list[ForceEffect], effect: Fo
             continue
         replaced = min((fit_force(data, [*rest, s], start=best) for s in starts), key=lambda f: f.chi_square)
         short = 0.5 * (replaced.chi_square - best.chi_square)
-        if not told_apart(effect, replaced.effects[-1], data.history):
+        if not distinguishable(effect, replaced.effects[-1], data.history):
             # A better fit is that of a form, no more.
             short = min(short, 0.0)
         rivals.append(Rival(replaced.effects[-1], short))

@@ -10,7 +10,7 @@ from ertskin.physics.history import History, Phase
 from ertskin.physics.mechanics.reaction import place_numbers
 
 
-def told_apart(one: Effect, other: Effect, history: History) -> bool:
+def distinguishable(one: Effect, other: Effect, history: History) -> bool:
     """Whether the presses of ``history`` can tell two effects from one another.
 
     Two that push back less on the way out differ only on a second way in at the same place.

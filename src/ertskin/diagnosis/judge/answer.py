@@ -22,12 +22,12 @@ from ertskin.diagnosis.criteria import Criteria
 from ertskin.diagnosis.fit.nonreciprocal import acquires
 from ertskin.diagnosis.force.claims import ForceAnswer, force_answer
 from ertskin.diagnosis.judge.axis_tests import AxisTest, axis_tests, depends_on
-from ertskin.diagnosis.judge.confidence import left_over, mending, overshadowed, reasoned, spoiling, standing_only
+from ertskin.diagnosis.judge.confidence import left_over, mending, overshadowed, reasoned, spoiling, static_only
 from ertskin.diagnosis.judge.contact_drift_claims import drift_claims
 from ertskin.diagnosis.judge.held_out import Predictions, broad_ratio, misfit_p
 from ertskin.diagnosis.judge.repeatability import Repeatability
 from ertskin.diagnosis.judge.result import Findings
-from ertskin.diagnosis.judge.undetermined_field import told_points
+from ertskin.diagnosis.judge.undetermined_field import determined_points
 from ertskin.diagnosis.recording.evidence import Evidence
 from ertskin.diagnosis.recording.split import SPLIT
 from ertskin.diagnosis.rest.baseline import Baseline
@@ -199,7 +199,7 @@ def _rules(case: Case) -> list[tuple[str, str, Callable[[list[Claim]], list[Clai
         (
             "standing_only",
             "it explains what stands at rest, but little of what presses change",
-            lambda c: standing_only(c, residuals, rest, criteria, shown),
+            lambda c: static_only(c, residuals, rest, criteria, shown),
         ),
         ("spoiling", SPOILT, lambda c: spoiling(c, case.found.spoilt(criteria), criteria)),
     ]
@@ -261,9 +261,9 @@ def _reason(case: Case, claims: list[Claim], jitters: bool) -> str | None:
             f"the contact of electrode {case.baseline.noise.jittering} changes between rest frames: is it loose?"
         )
     said += [
-        f"{name} is told at {told} of {points} sensing points: press at the others"
-        for name, told, points in told_points(case.selection.after, case.evidence.sensor)
-        if told < points
+        f"{name} is told at {determined} of {points} sensing points: press at the others"
+        for name, determined, points in determined_points(case.selection.after, case.evidence.sensor)
+        if determined < points
     ]
     if claims and case.found.spoilt(case.criteria):
         said.append(f"{SPOILT}: it is not handed on, press more places")

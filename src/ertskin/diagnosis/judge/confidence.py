@@ -112,7 +112,7 @@ def overshadowed(
     return [c if unshaken(c.effect) else replace(c, confidence=c.confidence * share) for c in claims]
 
 
-def standing_only(
+def static_only(
     claims: Sequence[Claim],
     residuals: tuple[Array, Array],
     rest: NDArray[np.bool_],
@@ -134,8 +134,8 @@ def standing_only(
         return list(claims)
 
     def doubtful(effect: Effect) -> bool:
-        standing = effect.stage in (Stage.CONDUCTION, Stage.ELECTRODES) and Axis.TIME not in effect.hypothesis.axes
-        return standing and effect.name not in shown
+        static = effect.stage in (Stage.CONDUCTION, Stage.ELECTRODES) and Axis.TIME not in effect.hypothesis.axes
+        return static and effect.name not in shown
 
     return [replace(c, confidence=criteria.doubted_share * c.confidence) if doubtful(c.effect) else c for c in claims]
 

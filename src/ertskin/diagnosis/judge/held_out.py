@@ -26,7 +26,7 @@ Indices = NDArray[np.intp]
 
 @dataclass(frozen=True, eq=False)
 class Predictions:
-    """Whitened residuals (n,P), in units of the noise, of the frames ``held`` (n,) by the plain simulator and after.
+    """Whitened residuals (n,P) over the noise, of the frames ``held`` (n,), by the uncorrected simulator and after.
 
     ``known_ratio``: misfit over noise after, less what the instrument's form errors are expected to make, where what
     isn't known of a field at presses that no fit has seen counts as noise; None without either.
@@ -39,7 +39,7 @@ class Predictions:
 
     @property
     def ratio_before(self) -> float:
-        """Misfit over noise of the plain simulator."""
+        """Misfit over noise of the uncorrected simulator."""
         return ratio(self.before)
 
     @property
@@ -48,7 +48,7 @@ class Predictions:
         return ratio(self.after)
 
     def spoilt(self, criteria: Criteria) -> bool:
-        """Whether what was named predicts worse than the plain simulator."""
+        """Whether what was named predicts worse than the uncorrected simulator."""
         return self.ratio_after > criteria.mismatch_ratio * self.ratio_before
 
     @property
@@ -58,24 +58,24 @@ class Predictions:
 
 
 def predictions(
-    evidence: Evidence, baseline: Baseline, plain: Solved, selection: Selection, family: SkinFamily, held: Indices
+    evidence: Evidence, baseline: Baseline, uncorrected: Solved, selection: Selection, family: SkinFamily, held: Indices
 ) -> Predictions:
-    """Each frame held out solved exactly: by ``plain``, calibrated without any effect, and with what was named."""
-    before = family.skin(plain.calibration, ())
+    """Frames held out solved exactly: by ``uncorrected``, calibrated without any effect, and with what was named."""
+    before = family.skin(uncorrected.calibration, ())
     after = family.remeshed(selection.after.calibration, selection.after.effects)
     return Predictions(
         held,
-        _residual(evidence, before, baseline.plain_force_n, held),
+        _residual(evidence, before, baseline.linear_force_n, held),
         _residual(evidence, after, baseline.force_n, held),
     )
 
 
 def _residual(evidence: Evidence, skin: Skin, force_n: Array, held: Indices) -> Array:
     scans = full_scans(skin, evidence.history, force_n, held)
-    here = evidence.frames(held)
-    residual = here.discounted((evidence.scan_v[held] - scans) / evidence.noise_v)
+    frames = evidence.frames(held)
+    residual = frames.discounted((evidence.scan_v[held] - scans) / evidence.noise_v)
     # Directions that say nothing are noughts: over what is left, noise is to be one.
-    return residual * here.told_more[:, None]
+    return residual * frames.traces_factor[:, None]
 
 
 def ratio(residual: Array) -> float:

@@ -78,7 +78,7 @@ def _with_errors(claim: Claim, solved: Solved, sensor: Sensor) -> Claim:
     known = errors_at(solved, sensor.extent_m, claim.field_map.point_m).get(claim.effect.name)
     if known is None:
         return claim
-    return replace(claim, field_map=replace(claim.field_map, error=known[0], told=known[1]))
+    return replace(claim, field_map=replace(claim.field_map, error=known[0], determined=known[1]))
 
 
 def stated(claim: Claim, standard: Standard, spread: Spread, sensor: Sensor | None = None) -> Claim:
@@ -89,10 +89,10 @@ def stated(claim: Claim, standard: Standard, spread: Spread, sensor: Sensor | No
 
 def quantities(effect: Effect, standard: Standard, spread: Spread) -> dict[str, Estimate]:
     """Each quantity with its interval at 90 %, by its derivatives at the parameters found; those unknown left out."""
-    here = effect.quantities(standard)
+    values = effect.quantities(standard)
     moved = [_slope(effect, standard, key, error) for key, error in zip(spread.free, spread.error, strict=True)]
     found = {}
-    for name, value in here.items():
+    for name, value in values.items():
         slope = np.array([one.get(name, 0.0) for one in moved])
         error = max((float(np.sqrt(max(slope @ c @ slope, 0.0))) for c in spread.covariance), default=0.0)
         least = SMOOTH if getattr(effect, "nodes", ()) else FORM

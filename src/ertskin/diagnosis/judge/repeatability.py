@@ -44,7 +44,7 @@ class Repeatability:
         """What stays of another misfit over noise without what presses that differ make of it."""
         return float(np.sqrt(max(ratio**2 - (self.without**2 - self.ratio**2), 1.0)))
 
-    def plain(self) -> dict[str, float]:
+    def as_builtins(self) -> dict[str, float]:
         """For ``diagnosis.json``."""
         return {"landing_rms_m": self.landing_m, "strength_rms": self.strength, "ratio_with_presses_free": self.ratio}
 
@@ -93,12 +93,12 @@ def repeatability(
 
 def _columns(scans: Callable[[Skin, Array], Array], skin: Skin, force_n: Array) -> Array:
     """(n,P,3) derivatives of the scans by the landing along x and y, per metre, and by the relative force."""
-    here = scans(skin, force_n)
+    unmoved = scans(skin, force_n)
     moved = []
     for key in ("dx_m", "dy_m"):
         other, step_m = _shifted(skin, key)
-        moved.append((scans(other, force_n) - here) / step_m)
-    harder = (scans(skin, (1 + STEP) * force_n) - here) / STEP
+        moved.append((scans(other, force_n) - unmoved) / step_m)
+    harder = (scans(skin, (1 + STEP) * force_n) - unmoved) / STEP
     return np.stack([*moved, harder], axis=-1)
 
 
@@ -107,9 +107,9 @@ def _shifted(skin: Skin, key: str) -> tuple[Skin, float]:
     landing = measured_as(Measured.LANDING)
     others = [e for e in skin.effects if e.name != landing.name]
     offset = next((e for e in skin.effects if e.name == landing.name), landing())
-    here_m = float(getattr(offset, key))
-    step_m = STEP_M if here_m + STEP_M <= offset.parameters()[key].high else -STEP_M
-    return replace(skin, effects=(*others, offset.changed({key: here_m + step_m}))), step_m
+    offset_m = float(getattr(offset, key))
+    step_m = STEP_M if offset_m + STEP_M <= offset.parameters()[key].high else -STEP_M
+    return replace(skin, effects=(*others, offset.changed({key: offset_m + step_m}))), step_m
 
 
 def _between_repeats(value: Array, place_m: Array, peak_n: Array) -> float:

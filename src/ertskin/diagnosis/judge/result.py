@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 class Findings:
     """Everything the report draws from: the answer, the evidence and the models before and after.
 
-    Residuals (T,P) of the held-out frames in units of the noise, for the plain simulator and with the terms named.
+    Residuals (T,P) of the held-out frames in units of the noise: of the uncorrected simulator and with the terms named.
     ``whole``: what was fitted to all presses, where they are few.
     """
 

@@ -16,7 +16,7 @@ from ertskin.physics.sensor import Sensor
 
 Array = NDArray[np.float64]
 
-TOLD = 0.5
+MOST_LEFT = 0.5
 """Part of the field's standard deviation beforehand that must be left at most where it is known."""
 
 
@@ -47,20 +47,20 @@ def ratio_with_what_is_unknown(problem: VoltageProblem, solved: Solved, after: A
 
 
 def errors_at(solved: Solved, extent_m: Array, point_m: Array) -> dict[str, tuple[Array, NDArray[np.bool_]]]:
-    """By name, the standard error (N,) of each smooth field's logarithm at points (N,2), and where it is told (N,)."""
+    """By name, the standard error (N,) of each smooth field's logarithm at points (N,2), and where it is determined."""
     found = {}
     for number, covariance in _covariances(solved, extent_m):
         design = field_design(node_shape(extent_m), point_m, extent_m)
         error = np.sqrt(np.maximum(((design @ covariance) * design).sum(axis=1), 0.0))
         term = solved.terms[number]
-        found[term.name] = error, error < TOLD * cast(Modes, term.modes).spread
+        found[term.name] = error, error < MOST_LEFT * cast(Modes, term.modes).spread
     return found
 
 
-def told_points(solved: Solved, sensor: Sensor) -> list[tuple[str, int, int]]:
-    """The smooth fields of a fit by name, at how many of the sensing points each is told, and how many there are."""
+def determined_points(solved: Solved, sensor: Sensor) -> list[tuple[str, int, int]]:
+    """The smooth fields of a fit by name, at how many of the sensing points each is determined, and of how many."""
     errors = errors_at(solved, sensor.extent_m, sensor.taxel_m)
-    return [(name, int(told.sum()), len(told)) for name, (_, told) in errors.items()]
+    return [(name, int(determined.sum()), len(determined)) for name, (_, determined) in errors.items()]
 
 
 def _covariances(solved: Solved, extent_m: Array) -> Iterator[tuple[int, Array]]:

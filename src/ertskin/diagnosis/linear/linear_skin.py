@@ -580,10 +580,10 @@ class LinearSkin:
         """(m,G) change of the relative conductance on a patch's grid from one skin to the other."""
         patch = self.patches[number]
         change = []
-        for there in (skin, raised):
-            self._settle_regime(there, force_n)
-            relative = self._relative(there, force_n, patch)
-            change.append((relative - patch.about) * self._local_field(there, patch))
+        for each in (skin, raised):
+            self._settle_regime(each, force_n)
+            relative = self._relative(each, force_n, patch)
+            change.append((relative - patch.about) * self._local_field(each, patch))
         return np.asarray(change[1] - change[0])
 
     def _columns_of(self, number: int, skin: Skin, local: Array, fields: Fields, wide: list[Array] | None) -> Array:
@@ -610,7 +610,7 @@ class LinearSkin:
     def _broad_columns(self, skin: Skin, raised: Skin, by: float, fields: Fields) -> Array | None:
         """(3,H,K) what each of K fields changes of conductance and anisotropy on the coarse grid; None for nothing."""
         position, onto = self._onto_hats
-        before, after = (_stacked(self._sheet_change(there, position)) for there in (skin, raised))
+        before, after = (_stacked(self._sheet_change(each, position)) for each in (skin, raised))
         if not (after - before).any():
             return None
         values = fields(position)

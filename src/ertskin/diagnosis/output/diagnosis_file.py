@@ -15,7 +15,7 @@ from ertskin.physics.effects.registry import effects_config
 
 def write_diagnosis(folder: Path, diagnosis: Diagnosis) -> Path:
     """``folder/diagnosis.json``, written aside and renamed."""
-    return write_whole(folder / "diagnosis.json", json.dumps(finite(diagnosis.plain()), indent=1) + "\n")
+    return write_whole(folder / "diagnosis.json", json.dumps(finite(diagnosis.as_builtins()), indent=1) + "\n")
 
 
 def write_effects(folder: Path, name: str, effects: tuple[Effect, ...], recording: str) -> Path:

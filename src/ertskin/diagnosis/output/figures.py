@@ -37,7 +37,7 @@ class Drawn:
     caption: str
     path: Path
 
-    def plain(self) -> dict[str, str]:
+    def as_builtins(self) -> dict[str, str]:
         """As ``diagnosis.json`` wants it; the file is named from the folder of that."""
         return {"title": self.title, "caption": self.caption, "file": f"{FOLDER}/{self.path.name}"}
 
@@ -67,7 +67,7 @@ def figures(findings: Findings) -> Iterator[Drawing]:
     if evidence is not None and findings.residual_before is not None and held is not None:
         yield from _of_residuals(findings, np.asarray(evidence.history[held].touched.any(axis=1)))
     if findings.baseline is not None and evidence is not None:
-        if findings.baseline.force_plain is not None:
+        if findings.baseline.force_linear is not None:
             yield (
                 "Force against depth",
                 "Load cell against the force stage: residuals of a linear pad, and of the pad with the effects named.",
@@ -179,8 +179,8 @@ def _fields(findings: Findings) -> Figure:
         (x_m, column), (y_m, row) = (np.unique(field.point_m[:, k], return_inverse=True) for k in range(2))
         percent = np.full((len(y_m), len(x_m)), np.nan)
         percent[row, column] = 100 * np.expm1(field.value)
-        if field.told is not None:
-            percent[row[~field.told], column[~field.told]] = np.nan
+        if field.determined is not None:
+            percent[row[~field.determined], column[~field.determined]] = np.nan
         top = max(float(np.nanmax(np.abs(percent), initial=0.0)), 1e-3)
         image = axis.pcolormesh(1e3 * x_m, 1e3 * y_m, percent, vmin=-top, vmax=top, cmap="RdBu_r", shading="nearest")
         _sheet(axis, findings, words_of(name))
@@ -235,7 +235,7 @@ def _force_depth(findings: Findings) -> Figure:
     assert findings.evidence is not None
     assert findings.baseline is not None
     history, baseline = findings.evidence.history, findings.baseline
-    fits = (("linear pad", baseline.force_plain), ("with the effects named", baseline.force_best))
+    fits = (("linear pad", baseline.force_linear), ("with the effects named", baseline.force_best))
     found = [(title, fit) for title, fit in fits if fit is not None]
     figure, axes = panels(len(found), width=4.4)
     for axis, (title, fit) in zip(axes, found, strict=True):

@@ -93,9 +93,9 @@ def _missing(claims: tuple[Claim, ...]) -> Section:
 def _about(claim: Claim) -> str:
     """What the effect is in plain words, then its form and what that rests on."""
     kind = type(claim.effect)
-    plain = (sys.modules[kind.__module__].__doc__ or "").splitlines()[0]
+    summary = (sys.modules[kind.__module__].__doc__ or "").splitlines()[0]
     form = (kind.__doc__ or "").splitlines()[0].replace("``", "").rstrip(".")
-    return f"{plain} {form} ({claim.effect.source})."
+    return f"{summary} {form} ({claim.effect.source})."
 
 
 def _misfit(diagnosis: Diagnosis) -> Section | None:

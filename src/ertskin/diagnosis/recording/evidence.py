@@ -18,7 +18,7 @@ from ertskin.physics.spikes import despiked, robust_std, tells_all
 Array = NDArray[np.float64]
 
 
-STANDING = 0.01
+MOST_SPIKES = 0.01
 """Part of a channel's readings, taken for spikes, from which they are none."""
 TOP = 3e-3
 """Part of the readings among which a converter that bends is looked for."""
@@ -54,8 +54,9 @@ class Evidence:
     ``leftover_share`` part of white noise's variance that no network explains, over the readings there are;
     ``leftover_error`` standard error of the noise by what no network explains, over itself.
     ``repeats`` (M,) number of frames in which a channel repeats its last readings, which are left out there.
-    ``stray`` (P,k): directions, one standard deviation long in units of the noise, in which rest frames scatter more;
-    ``traces`` (T,P,m): orthonormal directions, or noughts, that say nothing: places pressed before and not recovered.
+    ``excess_noise`` (P,k): directions, one standard deviation long in units of the noise, in which rest frames scatter
+    more; ``traces`` (T,P,m): orthonormal directions, or noughts, that say nothing: places pressed before and not
+    recovered.
     ``criteria``: what is decided by, wherever the evidence goes.
     """
 
@@ -68,7 +69,7 @@ class Evidence:
     leftover_noise_v: float
     air_n: float
     saturated_v: float | None
-    stray: Array
+    excess_noise: Array
     traces: Array
     leftover_share: float
     repeats: NDArray[np.intp]
@@ -86,19 +87,19 @@ class Evidence:
         )
 
     def discounted(self, rows: Array) -> Array:
-        """Rows (T,P,...) in units of the noise without ``traces``, times (I + S S')^-1/2, S being ``stray``."""
+        """Rows (T,P,...) in units of the noise without ``traces``, times (I + S S')^-1/2, S being ``excess_noise``."""
         if self.traces.shape[2]:
             along = np.einsum("tp...,tpm->tm...", rows, self.traces)
             rows = rows - np.einsum("tm...,tpm->tp...", along, self.traces)
-        if not self.stray.shape[1]:
+        if not self.excess_noise.shape[1]:
             return rows
-        axes, size, _ = np.linalg.svd(self.stray, full_matrices=False)
+        axes, size, _ = np.linalg.svd(self.excess_noise, full_matrices=False)
         less = 1 - 1 / np.sqrt(1 + size**2)
         along = np.einsum("tp...,pk->tk...", rows, axes * less)
         return np.asarray(rows - np.einsum("tk...,pk->tp...", along, axes))
 
     @property
-    def told_more(self) -> Array:
+    def traces_factor(self) -> Array:
         """(T,) root of a scan's numbers over those that ``traces`` leave."""
         width = self.scan_v.shape[1]
         return np.sqrt(width / (width - self.traces.any(axis=1).sum(axis=1)))
@@ -124,8 +125,8 @@ def gather(recording: Recording, criteria: Criteria = DEFAULT) -> Evidence:
     repeats = repeating(np.where(protocol.measurement.any(axis=-1), voltage, np.nan), criteria)
     voltage[np.broadcast_to(repeats[:, None], voltage.shape)] = np.nan
     limit = _without_saturated(voltage, protocol)
-    told = _told(protocol, np.isnan(voltage))
-    if not told[rest].any():
+    determined = _determined(protocol, np.isnan(voltage))
+    if not determined[rest].any():
         raise CannotTell(_what_is_lost(protocol, voltage[rest]))
     scan, spike, bent = _scans(protocol, voltage, rest, limit is not None)
     if limit is None and bent:
@@ -134,7 +135,7 @@ def gather(recording: Recording, criteria: Criteria = DEFAULT) -> Evidence:
     leftover = np.where(spike | ~np.isfinite(voltage), 0.0, voltage - fitted)
     freedom = _freedom(protocol, np.isfinite(voltage).mean(axis=0) > 0.5)
     noise_v = _noise_v(protocol, scan, leftover / np.sqrt(np.maximum(freedom, LEAST_FREEDOM)), spike, rest)
-    scan[~told | (spike[:, protocol.taken].mean(axis=1) >= 0.5)] = np.nan
+    scan[~determined | (spike[:, protocol.taken].mean(axis=1) >= 0.5)] = np.nan
     if not np.sqrt((np.nanmean(scan[rest], axis=0) ** 2).mean()) > LEAST_SIGNAL * noise_v:
         raise CannotTell("the readings at rest are hardly more than noise: check wiring, injected currents and units")
     force = history.force_n[rest]
@@ -236,7 +237,7 @@ def _noise_v(
     return noise_v
 
 
-def _told(protocol: Protocol, missing: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _determined(protocol: Protocol, missing: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """(T,) whether the readings that aren't ``missing`` (T,K,M) tell all that the scan can tell.
 
     An electrode that is never the sink, say, is known by its own channel alone, where it is the source.
@@ -246,31 +247,31 @@ def _told(protocol: Protocol, missing: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return held[of.ravel()]
 
 
-def _freedom(protocol: Protocol, there: NDArray[np.bool_]) -> Array:
-    """(K,M) part of a reading's noise variance that a network's fit leaves, where only some readings are ``there``.
+def _freedom(protocol: Protocol, present: NDArray[np.bool_]) -> Array:
+    """(K,M) part of a reading's noise variance that a network's fit leaves, where only some readings are ``present``.
 
     A dead channel leaves some pairs to few readings, which the fit then follows closely.
     """
-    kept = protocol.orthonormal[there.ravel()]
+    kept = protocol.orthonormal[present.ravel()]
     inverse = np.linalg.pinv(kept.T @ kept, rcond=1e-9, hermitian=True)
-    freedom = np.zeros(there.size)
-    freedom[there.ravel()] = 1 - ((kept @ inverse) * kept).sum(axis=1)
-    return freedom.reshape(there.shape)
+    freedom = np.zeros(present.size)
+    freedom[present.ravel()] = 1 - ((kept @ inverse) * kept).sum(axis=1)
+    return freedom.reshape(present.shape)
 
 
 def _channels_restored(
     protocol: Protocol, voltage: Array, scan: Array, spike: NDArray[np.bool_]
 ) -> tuple[Array, NDArray[np.bool_]]:
     """Scans and spikes with whole channels put back that despiking took for spikes: an error of theirs stands."""
-    there = np.isfinite(voltage)
-    share = (spike & there).mean(axis=(0, 1))
-    standing = (share > STANDING) & (share > 10 * np.median(share))
-    if not standing.any():
+    present = np.isfinite(voltage)
+    share = (spike & present).mean(axis=(0, 1))
+    systematic = (share > MOST_SPIKES) & (share > 10 * np.median(share))
+    if not systematic.any():
         return scan, spike
     kept = spike.copy()
-    kept[..., standing] = ~there[..., standing]
+    kept[..., systematic] = ~present[..., systematic]
     fitted = (scan @ protocol.orthonormal.T).reshape(voltage.shape)
-    filled = np.where(kept | ~there, fitted, voltage)
+    filled = np.where(kept | ~present, fitted, voltage)
     return filled.reshape(len(filled), -1) @ protocol.orthonormal, kept
 
 
@@ -279,10 +280,10 @@ def _compressed(voltage: Array, fitted: Array, spike: NDArray[np.bool_], rest: N
 
     That is an amplifier that bends softly; where they stop growing it is a limit.
     """
-    seen, there = fitted[rest], np.isfinite(voltage[rest])
-    taken = there.any(axis=0)
+    seen, present = fitted[rest], np.isfinite(voltage[rest])
+    taken = present.any(axis=0)
     off = spike[rest].mean(axis=0) > 0.5
-    whole = there[:, off].all(axis=1)
+    whole = present[:, off].all(axis=1)
     if off.sum() < FEWEST_SHORT or not whole.any():
         return False
     size, read = np.abs(seen[whole][:, off]), (voltage[rest] * np.sign(seen))[whole][:, off]
@@ -298,11 +299,11 @@ def _compressed_restored(
 ) -> tuple[Array, NDArray[np.bool_]]:
     """Scans and spikes with readings put back that are off by about as much in all frames, or off too often to be so by
     chance."""
-    there = np.isfinite(voltage)
-    off = np.where(there, voltage - fitted, 0.0)
+    present = np.isfinite(voltage)
+    off = np.where(present, voltage - fitted, 0.0)
     usual = np.median(off, axis=0)
     alike = (off * usual > 0) & (np.abs(off) < ALIKE * np.abs(usual))
-    kept = (spike & ~alike & (spike.mean(axis=0) < OFTEN)) | ~there
+    kept = (spike & ~alike & (spike.mean(axis=0) < OFTEN)) | ~present
     filled = np.where(kept, fitted, voltage)
     return filled.reshape(len(filled), -1) @ protocol.orthonormal, kept
 
@@ -315,11 +316,11 @@ def _presses_restored(
     Spikes don't wait for a press; a press that moves during its scan leaves readings that no one network gives. What a
     converter bends isn't among ``voltage``.
     """
-    there = np.isfinite(voltage)
-    rate = (spike & there).mean(axis=(1, 2))
+    present = np.isfinite(voltage)
+    rate = (spike & present).mean(axis=(1, 2))
     usual = float(rate[rest].mean())
     odd = rate > usual + 5 * np.sqrt(usual / spike[0].size) + LEAST_ODD
-    if rest.all() or odd[~rest].mean() < STANDING or odd[rest].mean() > 0.25 * odd[~rest].mean():
+    if rest.all() or odd[~rest].mean() < MOST_SPIKES or odd[rest].mean() > 0.25 * odd[~rest].mean():
         return scan, spike
     scan, spike = scan.copy(), spike.copy()
     scan[odd], spike[odd] = despiked(protocol, voltage[odd], threshold=np.inf)
@@ -343,7 +344,7 @@ def _bent_at_top(voltage: Array, fitted: Array, spike: NDArray[np.bool_]) -> boo
     known = np.isfinite(fitted) & np.isfinite(voltage)
     top = known & (fitted > np.quantile(fitted[known], 1 - TOP))
     share = float(spike[top].mean())
-    if share < STANDING or share < 20 * float(spike.mean()):
+    if share < MOST_SPIKES or share < 20 * float(spike.mean()):
         return False
     as_large = top & (fitted >= np.median(fitted[top & spike]))
     if spike[as_large].mean() < 0.5:

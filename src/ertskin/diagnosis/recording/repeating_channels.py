@@ -49,7 +49,7 @@ def _by_chance(alike: NDArray[np.intp], count: NDArray[np.intp], dead: NDArray[n
     if not count.size:
         return np.zeros(count.shape)
     overall = float(np.median(alike.sum(axis=0) / np.maximum(count.sum(axis=0), 1)))
-    here = np.median(alike / np.maximum(count, 1), axis=1, keepdims=True)
+    in_frame = np.median(alike / np.maximum(count, 1), axis=1, keepdims=True)
     apart = alike < count
     own = (alike * apart).sum(axis=0) / np.maximum((count * apart).sum(axis=0), 1)
-    return np.asarray(np.maximum(np.where(dead, overall, np.maximum(overall, here)), own) ** count * count.size)
+    return np.asarray(np.maximum(np.where(dead, overall, np.maximum(overall, in_frame)), own) ** count * count.size)

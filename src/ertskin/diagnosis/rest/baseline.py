@@ -39,7 +39,7 @@ class Baseline:
     """
 
     skin: Skin
-    force_plain: ForceFit | None
+    force_linear: ForceFit | None
     force_best: ForceFit | None
     force_noise: ForceNoise
     force_n: Array
@@ -50,12 +50,12 @@ class Baseline:
     traces: Array
 
     @property
-    def plain_force_n(self) -> Array:
-        """(T,C) forces in newton as the plain simulator has them from depth, where the load cell shows effects."""
-        if self.force_plain is None or self.force_best is None or not self.force_best.effects:
+    def linear_force_n(self) -> Array:
+        """(T,C) forces in newton by a linear pad from depth, where the load cell shows effects."""
+        if self.force_linear is None or self.force_best is None or not self.force_best.effects:
             return self.force_n
-        plain = self.force_plain.force_n
-        return np.where(np.isfinite(plain) & (self.force_n > 0), plain, self.force_n)
+        linear_n = self.force_linear.force_n
+        return np.where(np.isfinite(linear_n) & (self.force_n > 0), linear_n, self.force_n)
 
 
 def calibrated(recording: Recording, evidence: Evidence, resolution: str = "fine") -> Baseline:
@@ -65,7 +65,7 @@ def calibrated(recording: Recording, evidence: Evidence, resolution: str = "fine
         raise CannotTell("the sensor names no layers: the pressure under a contact is unknown")
     support = _support(recording)
     noise = force_noise(evidence, support.force_noise_n)
-    plain, best = _force_stage(evidence, support, noise.rms_n)
+    linear, best = _force_stage(evidence, support, noise.rms_n)
     contacts = np.full(evidence.protocol.electrodes, max(evidence.sensor.contact_resistance_guess_ohm, 10.0))
     built = Skin.build(evidence.sensor, evidence.protocol, law.law, contacts, support.stiffness_n_per_m, (), resolution)
     at_rest = rested(built, evidence)
@@ -77,7 +77,7 @@ def calibrated(recording: Recording, evidence: Evidence, resolution: str = "fine
     signal, findings = _specimen(recording, law, evidence)
     return Baseline(
         skin=skin,
-        force_plain=plain,
+        force_linear=linear,
         force_best=best,
         force_noise=noise,
         force_n=_driving_force(evidence, best, noise),

@@ -130,9 +130,9 @@ def imprints(skin: Skin, history: History) -> Array:
         pressed[k, near] = skin.pressure.at(points[near] - place)
     elements = np.arange(len(skin.sheet.weight_m2))
     scale = np.full(len(points), 1.0 / skin.piezo.zero_ohm_sq)
-    whitening, plain = whitening_of_transfer(skin.protocol), np.array([[1.0, 0.0, 1.0]])
+    whitening, isotropic = whitening_of_transfer(skin.protocol), np.array([[1.0, 0.0, 1.0]])
     solution = skin.sheet.solve(skin.sheet.uniform(skin.piezo.zero_ohm_sq), skin.contact_resistance_ohm)
-    columns = sheet_sensitivity(solution, elements, csr_array(pressed), whitening, plain, scale)[0].astype(float)
+    columns = sheet_sensitivity(solution, elements, csr_array(pressed), whitening, isotropic, scale)[0].astype(float)
     latest: list[int] = []
     for t, place in enumerate(at):
         before = [p for p in latest if p != place][:REMEMBERED]
@@ -186,14 +186,14 @@ def _shares(change: Array, columns: Array, traces: Array) -> tuple[Array, Array]
 @dataclass(frozen=True, eq=False)
 class Noise:
     """``rms_v`` of a whitened scan's numbers, its standard error over itself, nought where thousands of readings tell
-    it, and ``stray`` (P,k), the directions in which rest frames scatter more than that.
+    it, and ``excess_noise`` (P,k), the directions in which rest frames scatter more than that.
 
     ``jittering`` electrode whose contact alone makes white noise scatter materially more; -1 if there is none.
     """
 
     rms_v: float
     error: float
-    stray: Array
+    excess_noise: Array
     jittering: int = -1
 
 
@@ -218,8 +218,10 @@ def _scatter(scans: Array, run: NDArray[np.intp], columns: Array, reading_v: flo
     # Of a median, half of it for the root; the squares of overlapping second differences count half.
     error = 0.5 * 1.25 * float(squares.std()) / outside / np.sqrt(len(jump) / 2) if coloured else 0.0
     inside = scans @ space / noise_v
-    stray = space @ max(_stray(_jumps(inside)), _stray(_jumps_of_runs(inside, run)), key=np.linalg.norm)
-    return Noise(noise_v, error, stray, -1 if coloured else _jittering(stray, columns[:, :-1], criteria))
+    excess_noise = space @ max(
+        _excess_noise(_jumps(inside)), _excess_noise(_jumps_of_runs(inside, run)), key=np.linalg.norm
+    )
+    return Noise(noise_v, error, excess_noise, -1 if coloured else _jittering(excess_noise, columns[:, :-1], criteria))
 
 
 def _jumps(scans: Array) -> Array:
@@ -235,7 +237,7 @@ def _jumps_of_runs(scans: Array, run: NDArray[np.intp]) -> Array:
     return np.concatenate([np.empty((0, scans.shape[1])), *found])
 
 
-def _stray(jump: Array) -> Array:
+def _excess_noise(jump: Array) -> Array:
     """(n,k) the directions in which jumps (J,n) are larger than white noise of one would be, as long as the excess."""
     if not len(jump):
         return np.zeros((jump.shape[1], 0))
@@ -244,17 +246,17 @@ def _stray(jump: Array) -> Array:
     return np.asarray(axes[:, more] * np.sqrt(size[more] - 1))
 
 
-def _jittering(stray: Array, contacts: Array, criteria: Criteria) -> int:
-    """The contact, by its column among (P,L), along which the largest of the ``stray`` lies, if that is material.
+def _jittering(excess_noise: Array, contacts: Array, criteria: Criteria) -> int:
+    """The contact, by its column among (P,L), along which the largest ``excess_noise`` lies, if that is material.
 
     Contacts that all jitter alike are how the skin is made, not one that is loose.
     """
-    if not stray.shape[1] or (stray**2).sum() < (criteria.material_ratio**2 - 1) * len(stray):
+    if not excess_noise.shape[1] or (excess_noise**2).sum() < (criteria.material_ratio**2 - 1) * len(excess_noise):
         return -1
-    largest = stray[:, -1] / np.linalg.norm(stray[:, -1])
+    largest = excess_noise[:, -1] / np.linalg.norm(excess_noise[:, -1])
     along = np.abs(largest @ contacts) / np.linalg.norm(contacts, axis=0)
     inverse = np.linalg.pinv(contacts)
-    share = np.sqrt(((inverse @ stray) ** 2).sum(axis=1))
+    share = np.sqrt(((inverse @ excess_noise) ** 2).sum(axis=1))
     loose = int(along.argmax())
     return loose if along[loose] > ALONG and share[loose] > STANDS_OUT * np.median(share) else -1
 

@@ -48,10 +48,10 @@ def screen(problem: VoltageProblem, solved: Solved, partitions: Sequence[Sequenc
 
 
 def _through_scans(problem: VoltageProblem, solved: Solved, partitions: Sequence[Sequence[int]]) -> list[Candidate]:
-    here = problem.family.skin(solved.calibration, solved.effects)
+    fitted_skin = problem.family.skin(solved.calibration, solved.effects)
     present = {t.name for t in solved.terms}
-    base = problem.scan_residual(here)
-    specimen = problem.specimen.residual(here) if problem.specimen is not None else np.zeros(0)
+    base = problem.scan_residual(fitted_skin)
+    specimen = problem.specimen.residual(fitted_skin) if problem.specimen is not None else np.zeros(0)
     found = []
     for probes, finish in _trials(problem, present):
         columns, specimen_columns, sizes = [], [], []
@@ -236,7 +236,7 @@ def _bending(
     partitions: Sequence[Sequence[int]],
 ) -> Candidate | None:
     """An effect that isn't linear. What depends on a reading's size alone changes both readings of a reciprocal pair
-    alike: it is told by the scans, too."""
+    alike: the scans determine it, too."""
     signal, effect = problem.acquisition, effect.scaled_to(problem.acquisition.largest_v)
     scans = signal.scans(problem.family.skin(solved.calibration, solved.effects))
     change = (signal.distorted(scans, (effect,)) - scans) / problem.evidence.noise_v

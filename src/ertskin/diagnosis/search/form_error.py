@@ -38,9 +38,9 @@ class FormError:
         """(T,P) what the error makes of the scans of a problem's frames, in units of the noise."""
         if self.sizes is None:
             return np.zeros_like(problem.evidence.scan_v)
-        there = problem.solve(solved.terms, solved.calibration, steps=0)
+        evaluated = problem.solve(solved.terms, solved.calibration, steps=0)
         own = len(self.sizes) - len(self.forms)
-        columns = _columns(problem, there, self.forms)
+        columns = _columns(problem, evaluated, self.forms)
         return np.asarray(problem.last_columns[0] @ self.sizes[:own] + columns @ self.sizes[own:])
 
 

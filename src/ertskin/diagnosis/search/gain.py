@@ -19,9 +19,9 @@ def gained(without: Solved, present: Solved, partitions: Sequence[Sequence[int]]
     explains most of the misfit gains just that, however badly the cells predict one another with it: that isn't owed to
     too free a form.
     """
-    told = np.array([_cost(without, out) - _cost(present, out) for out in partitions])
+    fitted_gain = np.array([_cost(without, out) - _cost(present, out) for out in partitions])
     foretold = held_out(without, partitions) - held_out(present, partitions)
-    gain = float(np.clip(foretold, -np.abs(told), np.abs(told)).clip(max=told).sum())
+    gain = float(np.clip(foretold, -np.abs(fitted_gain), np.abs(fitted_gain)).clip(max=fitted_gain).sum())
     before, after = (float(solved.fit.quadratic.cost[:-1].sum()) for solved in (without, present))
     evidence = before - after - freedom(present) + freedom(without)
     return evidence if after < (1 - criteria.most_share) * before else min(gain, evidence)
@@ -47,6 +47,6 @@ def _cost(solved: Solved, cells: Sequence[int]) -> float:
 
 
 def _log_determinant(matrix: np.ndarray) -> float:
-    """Of a positive matrix; directions that nothing tells of count as the least told one."""
+    """Of a positive matrix; directions that nothing tells of count as the least determined one."""
     size = np.linalg.eigvalsh(matrix)
     return float(np.log(np.maximum(size, 1e-12 * size[-1])).sum())

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ertskin.diagnosis.contract.claims import Rival, Tried
 from ertskin.diagnosis.fit.cross_validation import log_misfit, numbers_of, refitted
-from ertskin.diagnosis.fit.full_solution_check import Standing, exact, settled, standing
+from ertskin.diagnosis.fit.full_solution_check import CheckedFit, checked_fit, exact, settled
 from ertskin.diagnosis.fit.joint_fit import Solved, Term, VoltageProblem
 from ertskin.diagnosis.linear.calibration_vector import WIDEST_RATIO, Calibration
 from ertskin.diagnosis.search.candidates import screen
@@ -72,7 +72,7 @@ class Chosen:
 
 @dataclass(frozen=True, eq=False)
 class Selection:
-    """What was found on the frames fitted: the fits without and with the terms, and each term's standing.
+    """What was found on the frames fitted: the fits without and with the terms, and what each term is worth.
 
     ``tried``: the sets fitted, in order; ``specimen`` whether it "agrees" or "disagrees" with the skin, None without.
     """
@@ -100,19 +100,19 @@ def select(
     """
     problem = build(None)
     report(0.15, "fitting the calibration")
-    here = standing(problem, problem.solve(fixed, start))
-    if here.strays:
-        here = settled(build, here.solved)
-    before = here.solved
+    incumbent = checked_fit(problem, problem.solve(fixed, start))
+    if incumbent.linearisation_fails:
+        incumbent = settled(build, incumbent.solved)
+    before = incumbent.solved
     if begun:
-        there = _begun(build, here, [*fixed, *(term for term, _ in begun)])
-        if there is not None:
-            here, fixed = _without_drifts(build, there, fixed)
+        proposed = _begun(build, incumbent, [*fixed, *(term for term, _ in begun)])
+        if proposed is not None:
+            incumbent, fixed = _without_drifts(build, proposed, fixed)
         # A form is freed about the fit itself: further off it would mend what linearising leaves.
-        here = _refined(build, here, partitions)
+        incumbent = _refined(build, incumbent, partitions)
     search = _Search(build, partitions, report, len(fixed), {_key(term): rivals for term, rivals in begun})
-    chosen, here = search.pruned(search.grown(here))
-    problem, current, specimen = _judged(here.problem, here.solved, bool(chosen))
+    chosen, incumbent = search.pruned(search.grown(incumbent))
+    problem, current, specimen = _judged(incumbent.problem, incumbent.solved, bool(chosen))
     specimen = "disagrees" if search.disagrees else specimen
     return Selection(before, current, chosen, problem, tuple(search.tried), specimen)
 
@@ -132,65 +132,65 @@ class _Search:
     tried: list[Tried] = field(default_factory=list)
     disagrees: bool = False
 
-    def grown(self, here: Standing) -> Standing:
+    def grown(self, incumbent: CheckedFit) -> CheckedFit:
         """With one term more after the other, while one gains enough."""
         for turn in range(MOST_TERMS):
-            text = f"looking for what is missing (residual {rms_of(here.solved):.3f} of the noise)"
+            text = f"looking for what is missing (residual {rms_of(incumbent.solved):.3f} of the noise)"
             self.report(0.2 + 0.1 * turn, text)
-            there = self.one_more(here)
-            if there is None:
+            proposed = self.one_more(incumbent)
+            if proposed is None:
                 break
-            here = self._without_drifts(self._by_own_readings(there))
-            self.report(0.25 + 0.1 * turn, f"{here.solved.terms[-1].name} enters")
-        return here
+            incumbent = self._without_drifts(self._by_own_readings(proposed))
+            self.report(0.25 + 0.1 * turn, f"{incumbent.solved.terms[-1].name} enters")
+        return incumbent
 
-    def _by_own_readings(self, here: Standing) -> Standing:
+    def _by_own_readings(self, incumbent: CheckedFit) -> CheckedFit:
         """Without the specimen from when the skin is seen to remember what it doesn't: it is another piece of fabric,
         whose law is another one then."""
-        specimen, build = here.problem.specimen, self.build
-        criteria = here.problem.evidence.criteria
-        if specimen is None or specimen.effects or remembers_alike(specimen, here.solved.effects, criteria):
-            return here
+        specimen, build = incumbent.problem.specimen, self.build
+        criteria = incumbent.problem.evidence.criteria
+        if specimen is None or specimen.effects or remembers_alike(specimen, incumbent.solved.effects, criteria):
+            return incumbent
         self.disagrees, self.build = True, lambda solved: replace(build(solved), specimen=None)
-        there = _where_it_settles(self.build, None, here.solved)
-        return here if there is None else _reconsidered(self.build, there)
+        proposed = _where_it_settles(self.build, None, incumbent.solved)
+        return incumbent if proposed is None else _reconsidered(self.build, proposed)
 
-    def _without_drifts(self, here: Standing) -> Standing:
+    def _without_drifts(self, incumbent: CheckedFit) -> CheckedFit:
         """Without contacts that wander, where places that have not recovered explain them."""
-        here, fixed = _without_drifts(self.build, here, here.solved.terms[: self.fixed])
+        incumbent, fixed = _without_drifts(self.build, incumbent, incumbent.solved.terms[: self.fixed])
         self.fixed = len(fixed)
-        return here
+        return incumbent
 
-    def one_more(self, here: Standing) -> Standing | None:
+    def one_more(self, incumbent: CheckedFit) -> CheckedFit | None:
         """With the likeliest term more; None where none gains enough."""
-        problem, current = here.problem, here.problem.at_hand(here.solved)
+        problem, current = incumbent.problem, incumbent.problem.at_hand(incumbent.solved)
         found = screen(problem, current, self.partitions)
         left = form_error(problem, current, self.partitions, current.effects).gain
         least = worth_a_name(problem, current)
         trials = trials_of(problem, current, found, self.partitions, left)
-        entered = _first_to_hold(self.build, here, [t for t in trials if t.gain >= least], self.partitions)
+        entered = _first_to_hold(self.build, incumbent, [t for t in trials if t.gain >= least], self.partitions)
         if entered is not None:
-            entered = _of_few_numbers(self.build, here, entered, trials, self.partitions)
+            entered = _of_few_numbers(self.build, incumbent, entered, trials, self.partitions)
         self.tried += [_as_tried(t, entered is not None and t.term == entered[0].term) for t in trials]
         if left >= least:
             named = entered is not None and entered[0].term.name not in {t.name for t in current.terms}
             self.tried.append(Tried((*(t.name for t in current.terms), FORM_ERROR), left, not named))
         if entered is None:
             return None
-        trial, there = entered
+        trial, proposed = entered
         others = [t for t in trials if t.term.name != trial.term.name and t.gain <= (1 + KNOWN) * trial.gain]
         self.stand[_key(trial.term)] = tuple(Rival(t.term.effect, trial.gain - t.gain) for t in others)
-        return _refined(self.build, _reconsidered(self.build, there), self.partitions)
+        return _refined(self.build, _reconsidered(self.build, proposed), self.partitions)
 
-    def pruned(self, here: Standing) -> tuple[tuple[Chosen, ...], Standing]:
+    def pruned(self, incumbent: CheckedFit) -> tuple[tuple[Chosen, ...], CheckedFit]:
         """What is left without terms that the others have made superfluous, where the skin is the linearised one."""
-        chosen, current = _backward(here.problem, here.solved, self.fixed, self.partitions, self.stand)
-        there = _where_it_settles(self.build, here.problem, current)
-        if there is None or there.problem is here.problem:
-            return chosen, replace(here, solved=current)
+        chosen, current = _backward(incumbent.problem, incumbent.solved, self.fixed, self.partitions, self.stand)
+        proposed = _where_it_settles(self.build, incumbent.problem, current)
+        if proposed is None or proposed.problem is incumbent.problem:
+            return chosen, replace(incumbent, solved=current)
         # What is left may fit as well elsewhere only because the skin was linearised far from there.
-        chosen, current = _backward(there.problem, there.solved, self.fixed, self.partitions, self.stand)
-        return chosen, replace(there, solved=current)
+        chosen, current = _backward(proposed.problem, proposed.solved, self.fixed, self.partitions, self.stand)
+        return chosen, replace(proposed, solved=current)
 
 
 def _as_tried(trial: Trial, kept: bool) -> Tried:
@@ -217,25 +217,25 @@ def _judged(problem: VoltageProblem, current: Solved, named: bool) -> tuple[Volt
         return problem, current, said
 
 
-def _reconsidered(build: Problem, here: Standing) -> Standing:
+def _reconsidered(build: Problem, incumbent: CheckedFit) -> CheckedFit:
     """The fit begun again from the nominal ratio of moduli, where that fits better than a ratio far from it.
 
     A ratio that made up for a missing effect doesn't come back by itself once the effect is there.
     """
-    solved = here.solved
+    solved = incumbent.solved
     if abs(solved.calibration.log_ratio) < RUN_AWAY * WIDEST_RATIO:
-        return here
+        return incumbent
     nominal = replace(solved.calibration, log_ratio=0.0)
-    again = here.problem.solve(solved.terms, nominal, leftover=solved.leftover)
+    again = incumbent.problem.solve(solved.terms, nominal, leftover=solved.leftover)
     if again.cost >= solved.cost:
-        return here
-    there = _where_it_settles(build, here.problem, again)
-    return here if there is None or there.spoils(here) else there
+        return incumbent
+    proposed = _where_it_settles(build, incumbent.problem, again)
+    return incumbent if proposed is None or proposed.spoils(incumbent) else proposed
 
 
-def _begun(build: Problem, plain: Standing, terms: Sequence[Term]) -> Standing | None:
+def _begun(build: Problem, without: CheckedFit, terms: Sequence[Term]) -> CheckedFit | None:
     """The fit with terms that another signal has shown; a pad that lies elsewhere needs a mesh of its own first."""
-    calibration = plain.solved.calibration
+    calibration = without.solved.calibration
     displaced = [
         int(getattr(t.effect, "electrode", -1))
         for t in terms
@@ -245,41 +245,41 @@ def _begun(build: Problem, plain: Standing, terms: Sequence[Term]) -> Standing |
         contacts = np.array(calibration.contact_ohm)
         # What its contact was fitted to at the wrong place says nothing.
         contacts[displaced] = np.median(contacts)
-        begin = plain.problem.solve(terms, replace(calibration, contact_ohm=contacts), steps=0)
+        begin = without.problem.solve(terms, replace(calibration, contact_ohm=contacts), steps=0)
     else:
-        begin = plain.problem.solve(terms, calibration)
+        begin = without.problem.solve(terms, calibration)
     return _where_it_settles(build, None, begin)
 
 
-def _without_drifts(build: Problem, here: Standing, fixed: Sequence[Term]) -> tuple[Standing, Sequence[Term]]:
+def _without_drifts(build: Problem, incumbent: CheckedFit, fixed: Sequence[Term]) -> tuple[CheckedFit, Sequence[Term]]:
     """The fit and its fixed terms without contacts that wander, where places that creep explain as much at rest."""
     creeps = any(
-        isinstance(t.effect, PiezoEffect) and getattr(t.effect, "remembers_air", False) for t in here.solved.terms
+        isinstance(t.effect, PiezoEffect) and getattr(t.effect, "remembers_air", False) for t in incumbent.solved.terms
     )
-    still = [term for term in here.solved.terms if not _path_of_contact(term)]
-    if not creeps or len(still) == len(here.solved.terms):
-        return here, fixed
-    there = _where_it_settles(build, None, here.problem.solve(still, here.solved.calibration))
-    chance = here.problem.evidence.criteria.chance_ratio
-    if there is None or there.spoils(here) or _at_rest(there) > chance * _at_rest(here):
-        return here, fixed
-    return there, [term for term in fixed if not _path_of_contact(term)]
+    still = [term for term in incumbent.solved.terms if not _path_of_contact(term)]
+    if not creeps or len(still) == len(incumbent.solved.terms):
+        return incumbent, fixed
+    proposed = _where_it_settles(build, None, incumbent.problem.solve(still, incumbent.solved.calibration))
+    chance = incumbent.problem.evidence.criteria.chance_ratio
+    if proposed is None or proposed.spoils(incumbent) or _at_rest(proposed) > chance * _at_rest(incumbent):
+        return incumbent, fixed
+    return proposed, [term for term in fixed if not _path_of_contact(term)]
 
 
 def _path_of_contact(term: Term) -> bool:
     return term.effect.hypothesis.measured == Measured.CONTACT_PATH
 
 
-def _at_rest(here: Standing) -> float:
+def _at_rest(fit: CheckedFit) -> float:
     """Misfit over noise where nothing presses."""
-    rows = here.problem.evidence.rest & (here.problem.weight > 0)
-    return float(np.sqrt(np.mean(here.solved.scan_residual[rows] ** 2))) if rows.any() else 0.0
+    rows = fit.problem.evidence.rest & (fit.problem.weight > 0)
+    return float(np.sqrt(np.mean(fit.solved.scan_residual[rows] ** 2))) if rows.any() else 0.0
 
 
 def _first_to_hold(
-    build: Problem, here: Standing, trials: Sequence[Trial], partitions: Sequence[Sequence[int]]
-) -> tuple[Trial, Standing] | None:
-    """The first trial that, settled, fits frames solved in full no worse than what is there, and where it settles.
+    build: Problem, incumbent: CheckedFit, trials: Sequence[Trial], partitions: Sequence[Sequence[int]]
+) -> tuple[Trial, CheckedFit] | None:
+    """The first trial that, settled, fits frames solved in full no worse than the incumbent, and where it settles.
 
     Of forms of one name that gain about as much the best where they settle, with the first one's gain: what a fit in
     the skin linearised elsewhere gains doesn't tell between them.
@@ -291,76 +291,78 @@ def _first_to_hold(
         left = [t for t in left if t not in alike]
         forms = alike if len(alike) <= FORMS else sorted(alike, key=lambda t: unlikely(t.solved))[:FORMS]
         places = [(form, _where_it_settles(build, None, form.solved)) for form in forms]
-        held = [(form, there) for form, there in places if there is not None and not there.spoils(here)]
+        held = [(form, fit) for form, fit in places if fit is not None and not fit.spoils(incumbent)]
         if held:
-            form, there = _best_form(here, held, partitions)
-            return replace(form, gain=first.gain), there
+            form, fit = _best_form(incumbent, held, partitions)
+            return replace(form, gain=first.gain), fit
     return None
 
 
 def _best_form(
-    here: Standing, forms: Sequence[tuple[Trial, Standing]], partitions: Sequence[Sequence[int]]
-) -> tuple[Trial, Standing]:
+    incumbent: CheckedFit, forms: Sequence[tuple[Trial, CheckedFit]], partitions: Sequence[Sequence[int]]
+) -> tuple[Trial, CheckedFit]:
     """The form that fits best; with a field among those that explain nearly as much, the one that foretells cells best.
 
     A freer field fits the presses at hand better and runs on between them: on twelve presses of `rig_a` one of 65
     numbers fitted to 1.06 of the noise and missed presses elsewhere by 3.28, one of ten to 1.08 and 1.14.
     """
-    least = min(there.misfit for _, there in forms)
-    most = here.misfit**2 - least**2
+    least = min(fit.misfit for _, fit in forms)
+    most = incumbent.misfit**2 - least**2
     explained = min(AS_GOOD * most, most / AS_GOOD)
-    as_good = [pair for pair in forms if here.misfit**2 - pair[1].misfit ** 2 >= explained]
+    as_good = [pair for pair in forms if incumbent.misfit**2 - pair[1].misfit ** 2 >= explained]
     if len(as_good) == 1 or all(form.term.modes is None for form, _ in as_good):
         return min(forms, key=lambda pair: pair[1].misfit)
     return min(as_good, key=lambda pair: _foretelling(pair[1], partitions))
 
 
-def _foretelling(there: Standing, partitions: Sequence[Sequence[int]]) -> float:
+def _foretelling(fit: CheckedFit, partitions: Sequence[Sequence[int]]) -> float:
     """How unlikely cells held out are by whole fits of the others."""
-    return log_misfit(refitted(there.problem, there.solved, partitions), numbers_of(there.problem, partitions))
+    return log_misfit(refitted(fit.problem, fit.solved, partitions), numbers_of(fit.problem, partitions))
 
 
 def _of_few_numbers(
     build: Problem,
-    here: Standing,
-    entered: tuple[Trial, Standing],
+    incumbent: CheckedFit,
+    entered: tuple[Trial, CheckedFit],
     trials: Sequence[Trial],
     partitions: Sequence[Sequence[int]],
-) -> tuple[Trial, Standing]:
+) -> tuple[Trial, CheckedFit]:
     """A trial of few numbers in place of the smooth field that ``entered``, where it gains most of that and the field
     explains what it leaves at less expense than everything.
 
     Any sharp cause looks like a field that is sharp there: a pad out of place like a hill under it.
     """
-    field, there = entered
+    field, field_fit = entered
     if field.term.modes is None:
         return entered
-    criteria = here.problem.evidence.criteria
+    criteria = incumbent.problem.evidence.criteria
     for trial in trials:
         if trial.term.modes is not None or trial.term.name == field.term.name:
             continue
         if trial.gain < criteria.most_share * field.gain:
             continue
-        beside = _where_it_settles(build, None, trial.solved)
-        if beside is None or beside.spoils(here):
+        simpler = _where_it_settles(build, None, trial.solved)
+        if simpler is None or simpler.spoils(incumbent):
             continue
-        solved, bare = beside.solved, Term(type(field.term.effect)(), ())
-        begun = beside.problem.solve([*solved.terms, bare], solved.calibration, steps=0)
-        both = with_smooth_field(beside.problem, begun, len(solved.terms), partitions) or solved
-        alone = there.problem.solve(there.solved.terms, there.solved.calibration, steps=1, leftover=both.leftover)
+        solved, bare = simpler.solved, Term(type(field.term.effect)(), ())
+        begun = simpler.problem.solve([*solved.terms, bare], solved.calibration, steps=0)
+        both = with_smooth_field(simpler.problem, begun, len(solved.terms), partitions) or solved
+        alone = field_fit.problem.solve(
+            field_fit.solved.terms, field_fit.solved.calibration, steps=1, leftover=both.leftover
+        )
         likelier = unlikely(alone) - unlikely(both)
         if likelier > criteria.significant_gain:
-            return replace(trial, gain=field.gain + likelier), beside
+            return replace(trial, gain=field.gain + likelier), simpler
     return entered
 
 
-def _where_it_settles(build: Problem, problem: VoltageProblem | None, solved: Solved) -> Standing | None:
+def _where_it_settles(build: Problem, problem: VoltageProblem | None, solved: Solved) -> CheckedFit | None:
     """Where a fit comes to rest; made with ``problem`` it may hold as it is. None where there is no such sheet."""
     try:
         if problem is not None:
-            there = standing(problem, solved)
-            if not there.strays:
-                return there
+            checked = checked_fit(problem, solved)
+            if not checked.linearisation_fails:
+                return checked
         return settled(build, solved)
     except (MeshError, np.linalg.LinAlgError):
         return None
@@ -370,26 +372,26 @@ def _key(term: Term) -> str:
     return f"{term.name}:{getattr(term.effect, 'electrode', getattr(term.effect, 'channel', ''))}"
 
 
-def _refined(build: Problem, here: Standing, partitions: Sequence[Sequence[int]]) -> Standing:
+def _refined(build: Problem, incumbent: CheckedFit, partitions: Sequence[Sequence[int]]) -> CheckedFit:
     """Free what selection held, where that predicts better: a loop's shape, time constants of creep, smooth fields.
 
     What has taken the fit far is settled, and what was freed about the old place freed about the new one again.
     """
     for _ in range(REFINED):
-        freed = _freed(here, partitions)
-        if freed is here.solved:
+        freed = _freed(incumbent, partitions)
+        if freed is incumbent.solved:
             break
-        there = _where_it_settles(build, here.problem, freed)
-        if there is None or there.spoils(here):
+        proposed = _where_it_settles(build, incumbent.problem, freed)
+        if proposed is None or proposed.spoils(incumbent):
             break
-        before, here = here, there
-        if here.misfit > STILL * before.misfit:
+        before, incumbent = incumbent, proposed
+        if incumbent.misfit > STILL * before.misfit:
             break
-    return here
+    return incumbent
 
 
-def _freed(here: Standing, partitions: Sequence[Sequence[int]]) -> Solved:
-    problem, current = here.problem, here.solved
+def _freed(fit: CheckedFit, partitions: Sequence[Sequence[int]]) -> Solved:
+    problem, current = fit.problem, fit.solved
     criteria = problem.evidence.criteria
     for number, term in enumerate(current.terms):
         for form in freer(term):

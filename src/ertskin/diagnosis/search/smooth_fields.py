@@ -43,7 +43,7 @@ SPREADS = (0.003, 0.01, 0.03, 0.1, 0.3)
 """Standard deviations of the field tried."""
 LEAST_VARIANCE = 1e-3
 """Part of the largest mode's variance from which on down modes of a covariance are left out."""
-TOLD = 0.02
+LEAST_INFORMATION = 0.02
 """Information on a mode, over that beforehand, from which on it enters the fit."""
 MOST_MODES = 100
 SAMPLES = 3
@@ -141,13 +141,13 @@ class NodeQuadratic:
         gradient, hessian = self.gradient[inside].sum(axis=0), self.hessian[inside].sum(axis=0)
         others, by_field = self._others(gradient, hessian)
         cross = hessian[count:, :count]
-        there, curved = self.gradient[~inside].sum(axis=0), self.hessian[~inside].sum(axis=0)
+        slope, curved = self.gradient[~inside].sum(axis=0), self.hessian[~inside].sum(axis=0)
         through = np.vstack([by_field, np.eye(len(by_field.T))])
-        left = there - curved[:, :count] @ others
+        left = slope - curved[:, :count] @ others
         return Fold(
             gradient[count:] - cross @ others,
             hessian[count:, count:] + cross @ by_field,
-            float(self.cost[~inside].sum() - 0.5 * (there + left)[:count] @ others),
+            float(self.cost[~inside].sum() - 0.5 * (slope + left)[:count] @ others),
             float(self.numbers[~inside].sum()),
             through.T @ left,
             through.T @ curved @ through,
@@ -239,7 +239,7 @@ def foretelling(quadratic: NodeQuadratic, extent_m: Array, partitions: Sequence[
     without, found = log_misfit(costs, numbers), []
     for number in _likely(halves, gradient, hessian):
         for spread in SPREADS:
-            modes, sizes = _told(halves[number], spread, gradient, hessian)
+            modes, sizes = _informed_modes(halves[number], spread, gradient, hessian)
             gains = np.array([fold.gain(modes) for fold in folds])
             misfit = log_misfit(costs - gains, numbers)
             gain = max(float(gains.sum()), without - misfit)
@@ -266,11 +266,11 @@ def _evidences(half: Array, gradient: Array, hessian: Array) -> Array:
     return np.asarray(0.5 * (variance * along / (1 + information) - np.log1p(information)).sum(axis=1))
 
 
-def _told(half: Array, spread: float, gradient: Array, hessian: Array) -> tuple[Array, Array]:
+def _informed_modes(half: Array, spread: float, gradient: Array, hessian: Array) -> tuple[Array, Array]:
     """Modes (M,K) that the data tell of and their most likely sizes (K,), of a covariance's half (M,J)."""
     size, vector = np.linalg.eigh(half.T @ hessian @ half)
     information = spread**2 * np.maximum(size, 0.0)
-    kept = np.flatnonzero(information > TOLD)
+    kept = np.flatnonzero(information > LEAST_INFORMATION)
     kept = kept[np.argsort(-information[kept])][:MOST_MODES]
     modes = spread * half @ vector[:, kept]
     return modes, modes.T @ gradient / (1 + information[kept])
@@ -317,7 +317,7 @@ def with_smooth_fields(problem: VoltageProblem, current: Solved, partitions: Seq
 def with_smooth_field(
     problem: VoltageProblem, current: Solved, number: int, partitions: Sequence[Sequence[int]]
 ) -> Solved | None:
-    """The fit with a term's field in the modes that are told about this fit; None where they gain too little.
+    """The fit with a term's field in the modes that the data tell of about this fit; None where they gain too little.
 
     Cells held out must be predicted better; a field that isn't smooth yet must gain evidence, too.
     """

@@ -117,17 +117,17 @@ def _try(
     """Each candidate fitted for good, beside a form error of the terms at hand that gains ``left`` without it."""
     results = []
     instrument = any(_of_instrument(c.term) for c in candidates)
-    plain = problem.solve(current.terms, current.calibration, steps=1, leftover=True) if instrument else current
+    without = problem.solve(current.terms, current.calibration, steps=1, leftover=True) if instrument else current
 
     def trial(solved: Solved) -> Trial:
-        gain, term = gained(plain, solved, partitions, problem.evidence.criteria), solved.terms[-1]
+        gain, term = gained(without, solved, partitions, problem.evidence.criteria), solved.terms[-1]
         if left > 0 and term.name not in {known.name for known in current.terms}:
             gain += form_error(problem, solved, partitions, solved.effects[:-1]).gain - left
         return Trial(term, gain, solved)
 
     problem.reuse = True
     for candidate in candidates:
-        solved = _beside(problem, plain, candidate.term, instrument)
+        solved = _with_term(problem, without, candidate.term, instrument)
         if candidate.term.effect.hypothesis.must_show_at_rest and not _shown_at_rest(problem, current, solved):
             continue
         results.append(trial(solved))
@@ -137,7 +137,7 @@ def _try(
         # Cells are predicted by a step from the fit: one that isn't at its best yet may predict badly, and fit best.
         k = min(range(len(results)), key=lambda k: of_frames(results[k].solved))
         found = results[k]
-        if found.gain < of_frames(plain) - of_frames(found.solved) and found.gain < max(t.gain for t in results):
+        if found.gain < of_frames(without) - of_frames(found.solved) and found.gain < max(t.gain for t in results):
             results[k] = trial(problem.solve(found.solved.terms, found.solved.calibration, leftover=instrument))
     return results
 
@@ -154,7 +154,7 @@ def _with_remainders(
             yield both
 
 
-def _beside(problem: VoltageProblem, current: Solved, term: Term, leftover: bool) -> Solved:
+def _with_term(problem: VoltageProblem, current: Solved, term: Term, leftover: bool) -> Solved:
     """The fit with one more term. A start to first order may lie where no descent comes back from: then from nearer."""
     fits: list[Solved] = []
     for share in SHARES:

@@ -90,7 +90,7 @@ def _answer(
         unexplained_ratio=after,
         unexplained_depends_on=axes if after > 1 else (),
         reason=_reason(errors, each, bool(claims)),
-        extra={"specimen_held_out": errors, "presses": each.plain()},
+        extra={"specimen_held_out": errors, "presses": each.as_builtins()},
     )
 
 

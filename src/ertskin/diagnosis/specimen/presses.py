@@ -49,7 +49,7 @@ class Presses:
         """Rms of the logarithms of the factors, their mean taken off."""
         return float(self.log_factor.std())
 
-    def plain(self) -> dict[str, object]:
+    def as_builtins(self) -> dict[str, object]:
         """For ``diagnosis.json``."""
         factors = {int(k): round(float(np.exp(v)), 4) for k, v in zip(self.number, self.log_factor, strict=True)}
         return {"differ": self.differ, "static": self.alike, "static_each_its_own": self.apart, "felt": factors}
@@ -65,7 +65,7 @@ def presses(test: LogarithmicTest, press: NDArray[np.intp], criteria: Criteria) 
     log_factor = np.zeros(len(number))
     for _ in range(ROUNDS):
         scaled = _scaled(test, member, log_factor)
-        log_factor = log_factor + np.array([_told(scaled, rows & loaded) for rows in rise])
+        log_factor = log_factor + np.array([_best_log_factor(scaled, rows & loaded) for rows in rise])
         log_factor -= log_factor[fitted].mean()
     scaled = _scaled(test, member, log_factor)
     ahead = ~test.fitted & loaded & ~rise.any(axis=0)
@@ -88,7 +88,7 @@ def _rise(stress_pa: Array, mine: Rows) -> Rows:
     return found
 
 
-def _told(test: LogarithmicTest, rows: Rows) -> float:
+def _best_log_factor(test: LogarithmicTest, rows: Rows) -> float:
     """Log factor that brings the readings ``rows`` (N,) nearest to the law of the presses fitted, all alike."""
     law = test.law(())
 

@@ -102,7 +102,7 @@ def _instrument(
     every = (c for k in range(len(errors.named)) for c in _claims(protocol, (empty, mended, noise), errors, k))
     capped = (replace(claim, confidence=min(claim.confidence, criteria.surest_confidence)) for claim in every)
     claims = tuple(claim for claim in capped if claim.confidence >= criteria.least_confidence)
-    chance = standing_chance(protocol, voltage)
+    chance = unexplained_chance(protocol, voltage)
     if rms_v(protocol, empty) < LEAST_ERROR * _readings_rms_v(protocol, empty):
         chance = 1.0
     said = [ONE_FRAME] if len(voltage) == 1 else []
@@ -180,7 +180,7 @@ def noise_v(protocol: Protocol, voltage_v: Array) -> float:
     return max(noise, 1e-9 * float(np.abs(good).max()))
 
 
-def standing_chance(protocol: Protocol, voltage_v: Array) -> float:
+def unexplained_chance(protocol: Protocol, voltage_v: Array) -> float:
     """Chance that noise alone makes what no network explains of the first frame as large as it is (Fisher's F).
 
     Degrees of freedom count less where some columns are noisier than others (Satterthwaite). NaN with one frame.

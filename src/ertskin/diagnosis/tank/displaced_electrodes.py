@@ -25,7 +25,7 @@ place."""
 OWN, FLOOR = 1.3, 0.002
 """Standard error of a shift over the one the fit states, and over the radius what is added: from simulated tanks of
 even numbers (experiments/real/ottawa/nulls.py); odd ones judge the confidence that follows."""
-NOT_TOLD = (
+UNDETERMINED = (
     "two-dimensional impedance can't tell electrodes that slid along the rim from an outline that changed: conformal "
     "maps of one onto the other leave every reading as it is; nor where all moved as such a map of a disk onto "
     "itself moves them, nor an anisotropic sheet from an outline stretched"
@@ -57,7 +57,7 @@ def with_placement(diagnosis: Diagnosis, found: Placement, criteria: Criteria) -
         "shift_along_rim_m": [None if np.isnan(s) else float(s) for s in found.shift_m],
         "center_in_file_m": found.place_m.tolist(),
         "center_fitted_m": found.moved_m.tolist(),
-        "not_told": NOT_TOLD,
+        "not_told": UNDETERMINED,
     }
     extra = {**diagnosis.extra, "placement": moved}
     if not found.displaced:
@@ -78,7 +78,7 @@ def with_placement(diagnosis: Diagnosis, found: Placement, criteria: Criteria) -
         depends_on=("electrode",),
         claims=(*(_displacement(found, e, criteria) for e in found.displaced), *diagnosis.claims),
         unexplained_ratio=found.misfit_after,
-        reason=NOT_TOLD,
+        reason=UNDETERMINED,
         extra=extra,
     )
 

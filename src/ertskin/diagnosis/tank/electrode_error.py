@@ -94,16 +94,16 @@ def electrode_errors(protocol: Protocol, voltage_v: Array, level: float = LEVEL)
     Rosner, Technometrics 25 (1983) 165. It supposes that errors of good electrodes are alike up to a log-normal factor.
     """
     weights = np.array([electrode_weights(protocol, k) for k in range(protocol.electrodes)])
-    return _standing_out(protocol, voltage_v, weights, level)
+    return _outlying(protocol, voltage_v, weights, level)
 
 
 def channel_errors(protocol: Protocol, voltage_v: Array, level: float = LEVEL) -> ElectrodeErrors:
     """The same test of every channel: of the columns of a scan (K,M)."""
     weights = np.array([channel_weights(protocol, k) for k in range(protocol.shape[1])])
-    return replace(_standing_out(protocol, voltage_v, weights, level), channels=True)
+    return replace(_outlying(protocol, voltage_v, weights, level), channels=True)
 
 
-def _standing_out(protocol: Protocol, voltage_v: Array, weights: Array, level: float) -> ElectrodeErrors:
+def _outlying(protocol: Protocol, voltage_v: Array, weights: Array, level: float) -> ElectrodeErrors:
     """Which of the patterns of error ``weights`` (n,K,M) stand out."""
     network = protocol.orthonormal
     reading = voltage_v.ravel()

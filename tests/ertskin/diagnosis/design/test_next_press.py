@@ -9,7 +9,7 @@ import pytest
 from small_skin import SMALL, TAXELS, small_law, small_sensor
 
 import ertskin.diagnosis.design.next_press as design
-from ertskin.diagnosis.design.next_press import Feasible, next_press, told_apart
+from ertskin.diagnosis.design.next_press import Feasible, discrimination, next_press
 from ertskin.hardware.plan import plan_from_presses
 from ertskin.physics.effects.effect import Effect
 from ertskin.physics.effects.foam_hysteresis import FoamHysteresis
@@ -58,23 +58,23 @@ def asked(skin: Skin, own: Effect | None, rivals: dict[str, Effect | None], feas
 
 def test_creep_or_hysteresis_asks_for_a_hold(skin: Skin) -> None:
     press = asked(skin, PiezoCreep(fraction=0.2, time_s=20.0), {"piezo_hysteresis": PiezoHysteresis(width=0.015)})
-    assert press["hold_s"] > FEASIBLE.plain.hold_s
+    assert press["hold_s"] > FEASIBLE.reference.hold_s
 
 
 def test_relaxing_foam_or_lossy_foam_asks_for_a_hold(skin: Skin) -> None:
     own = ViscoelasticFoam(fraction=0.1, time_s=20.0)
     press = asked(skin, own, {"foam_hysteresis": FoamHysteresis(loss=0.03, reversal=0.1)})
-    assert press["hold_s"] > FEASIBLE.plain.hold_s
+    assert press["hold_s"] > FEASIBLE.reference.hold_s
 
 
 def test_a_moving_press_asks_for_speed(skin: Skin) -> None:
     slow = replace(FEASIBLE, position_m=FEASIBLE.position_m[:1], speed_m_per_s=(2.5e-4, 1e-3))
     press = asked(skin, ScanSkew(speed_m_per_s=1e-3), {"none": None}, slow)
-    assert press["speed_m_per_s"] > slow.plain.speed_m_per_s
+    assert press["speed_m_per_s"] > slow.reference.speed_m_per_s
 
 
 def test_misplacement_or_inhomogeneity_asks_for_another_place(skin: Skin) -> None:
-    middle = FEASIBLE.plain.position_m
+    middle = FEASIBLE.reference.position_m
     spot = PiezoInhomogeneity(amplitude=0.3, x_m=TAXELS[2, 0], y_m=TAXELS[2, 1], radius_m=0.006)
     press = asked(skin, spot, {"indenter_offset": IndenterOffset(dx_m=1e-4)})
     assert tuple(press["position_m"]) != middle
@@ -89,9 +89,9 @@ def test_no_press_tells_a_model_from_itself(skin: Skin) -> None:
 
 def test_what_refitting_absorbs_does_not_count(skin: Skin) -> None:
     rival = replace(skin, effects=(PiezoInhomogeneity(amplitude=0.01, x_m=0.03, y_m=0.03, radius_m=1.0),))
-    found = told_apart(skin, rival, FEASIBLE.plain, NOISE_V, FORCE_NOISE_N)
+    found = discrimination(skin, rival, FEASIBLE.reference, NOISE_V, FORCE_NOISE_N)
     assert found < 0.5
-    assert told_apart(skin, rival, FEASIBLE.plain, 1e-3 * NOISE_V, FORCE_NOISE_N) > found
+    assert discrimination(skin, rival, FEASIBLE.reference, 1e-3 * NOISE_V, FORCE_NOISE_N) > found
 
 
 def test_foams_are_told_apart_by_force_alone_just_as_with_the_readings(
@@ -99,7 +99,7 @@ def test_foams_are_told_apart_by_force_alone_just_as_with_the_readings(
 ) -> None:
     own = replace(skin, effects=(PiezoHysteresis(width=0.02), ViscoelasticFoam(fraction=0.1, time_s=20.0)))
     rival = replace(skin, effects=(PiezoHysteresis(width=0.02), FoamHysteresis(loss=0.03, reversal=0.1)))
-    by_force = told_apart(own, rival, FEASIBLE.plain, NOISE_V, FORCE_NOISE_N)
+    by_force = discrimination(own, rival, FEASIBLE.reference, NOISE_V, FORCE_NOISE_N)
     monkeypatch.setattr(design, "_read_alike", lambda skin, rival: False)
-    assert by_force == pytest.approx(told_apart(own, rival, FEASIBLE.plain, NOISE_V, FORCE_NOISE_N), rel=1e-6)
+    assert by_force == pytest.approx(discrimination(own, rival, FEASIBLE.reference, NOISE_V, FORCE_NOISE_N), rel=1e-6)
     assert by_force > 1

@@ -10,7 +10,7 @@ import pytest
 
 from ertskin.diagnosis.contract.claims import FORM, estimate
 from ertskin.diagnosis.criteria import DEFAULT
-from ertskin.diagnosis.fit.full_solution_check import Standing
+from ertskin.diagnosis.fit.full_solution_check import CheckedFit
 from ertskin.diagnosis.fit.joint_fit import Solved, Term, held_out
 from ertskin.diagnosis.fit.levenberg_marquardt import Fit, Quadratic
 from ertskin.diagnosis.search import selection, trials
@@ -50,14 +50,14 @@ def test_a_term_that_one_cell_alone_wants_gains_nothing_held_out() -> None:
 
 
 def test_a_term_that_spoils_frames_solved_in_full_gives_way_to_the_next(monkeypatch: pytest.MonkeyPatch) -> None:
-    here, wild, tame = (Standing(PROBLEM, None, misfit, 0.0) for misfit in (3.0, 9.0, 2.0))  # type: ignore[arg-type]
+    incumbent, wild, tame = (CheckedFit(PROBLEM, None, misfit, 0.0) for misfit in (3.0, 9.0, 2.0))  # type: ignore[arg-type]
     settle = {"wild": wild, "tame": tame}
     monkeypatch.setattr(selection, "settled", lambda build, solved: settle[solved])
     trials = [trial("wild", "one", 50.0), trial("tame", "other", 40.0)]
-    found = selection._first_to_hold(None, here, trials, [])  # type: ignore[arg-type]
+    found = selection._first_to_hold(None, incumbent, trials, [])  # type: ignore[arg-type]
     assert found is not None
     assert (found[0].solved, found[1]) == ("tame", tame)
-    assert selection._first_to_hold(None, here, trials[:1], []) is None  # type: ignore[arg-type]
+    assert selection._first_to_hold(None, incumbent, trials[:1], []) is None  # type: ignore[arg-type]
 
 
 def trial(solved: str, name: str, gain: float, modes: Any = None) -> trials.Trial:
@@ -68,11 +68,11 @@ def trial(solved: str, name: str, gain: float, modes: Any = None) -> trials.Tria
 def test_of_forms_that_gain_alike_the_one_that_fits_best_where_it_settles(
     gain: float, best: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    here, first, second = (Standing(PROBLEM, None, misfit, 0.0) for misfit in (3.0, 2.0, 1.5))  # type: ignore[arg-type]
+    incumbent, first, second = (CheckedFit(PROBLEM, None, misfit, 0.0) for misfit in (3.0, 2.0, 1.5))  # type: ignore[arg-type]
     settle = {"first": first, "second": second}
     monkeypatch.setattr(selection, "settled", lambda build, solved: settle[solved])
     trials = [trial("first", "spot", 50.0), trial("second", "spot", gain)]
-    found = selection._first_to_hold(None, here, trials, [])  # type: ignore[arg-type]
+    found = selection._first_to_hold(None, incumbent, trials, [])  # type: ignore[arg-type]
     assert found is not None
     assert found[1] is settle[best]
     # A rival is short of what the effect gains in its best form.
@@ -84,24 +84,24 @@ def test_of_forms_of_a_field_that_explain_alike_the_one_that_foretells_cells_bes
     foretold: float, misfit: float, best: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     settle = {
-        name: Standing(PROBLEM, name, rms, 0.0)  # type: ignore[arg-type]
+        name: CheckedFit(PROBLEM, name, rms, 0.0)  # type: ignore[arg-type]
         for name, rms in (("free", 1.4), ("few", misfit))
     }
     monkeypatch.setattr(selection, "settled", lambda build, solved: settle[solved])
     costs = {"free": 20.0, "few": foretold}
-    monkeypatch.setattr(selection, "_foretelling", lambda there, partitions: costs[there.solved])
-    here = Standing(PROBLEM, None, 3.0, 0.0)  # type: ignore[arg-type]
+    monkeypatch.setattr(selection, "_foretelling", lambda fit, partitions: costs[fit.solved])
+    incumbent = CheckedFit(PROBLEM, None, 3.0, 0.0)  # type: ignore[arg-type]
     trials = [trial("free", "field", 50.0, modes="many"), trial("few", "field", 45.0)]
-    found = selection._first_to_hold(None, here, trials, [[0], [1]])  # type: ignore[arg-type]
+    found = selection._first_to_hold(None, incumbent, trials, [[0], [1]])  # type: ignore[arg-type]
     assert found is not None
     assert found[1] is settle[best]
 
 
 def test_a_form_that_gains_less_has_its_turn_where_the_best_spoils(monkeypatch: pytest.MonkeyPatch) -> None:
-    here, wild, tame = (Standing(PROBLEM, None, misfit, 0.0) for misfit in (3.0, 9.0, 2.0))  # type: ignore[arg-type]
+    incumbent, wild, tame = (CheckedFit(PROBLEM, None, misfit, 0.0) for misfit in (3.0, 9.0, 2.0))  # type: ignore[arg-type]
     monkeypatch.setattr(selection, "settled", lambda build, solved: {"wild": wild, "tame": tame}[solved])
     trials = [trial("wild", "spot", 100.0), trial("tame", "spot", 30.0)]
-    found = selection._first_to_hold(None, here, trials, [])  # type: ignore[arg-type]
+    found = selection._first_to_hold(None, incumbent, trials, [])  # type: ignore[arg-type]
     assert found is not None
     assert found[1] is tame
 
@@ -115,15 +115,15 @@ def test_an_interval_is_no_narrower_than_forms_differ_and_keeps_to_the_range() -
 
 @pytest.mark.parametrize("error", [MeshError("a pad overlaps another"), np.linalg.LinAlgError()])
 def test_a_trial_that_settles_where_no_sheet_is_gives_way_too(error: Exception, monkeypatch: Any) -> None:
-    def settle(build: Any, solved: Any) -> Standing:
+    def settle(build: Any, solved: Any) -> CheckedFit:
         if solved == "nowhere":
             raise error
         return tame
 
-    here, tame = (Standing(PROBLEM, None, misfit, 0.0) for misfit in (3.0, 2.0))  # type: ignore[arg-type]
+    incumbent, tame = (CheckedFit(PROBLEM, None, misfit, 0.0) for misfit in (3.0, 2.0))  # type: ignore[arg-type]
     monkeypatch.setattr(selection, "settled", settle)
     trials = [trial("nowhere", "one", 50.0), trial("there", "other", 40.0)]
-    found = selection._first_to_hold(None, here, trials, [])  # type: ignore[arg-type]
+    found = selection._first_to_hold(None, incumbent, trials, [])  # type: ignore[arg-type]
     assert found is not None
     assert (found[0].solved, found[1]) == ("there", tame)
 
@@ -147,7 +147,7 @@ def test_a_fit_that_does_not_come_back_is_begun_from_nearer(costs: list[float], 
 
     problem: Any = SimpleNamespace(solve=solve)
     current: Any = SimpleNamespace(terms=(), calibration=None, cost=10.0)
-    found = trials._beside(problem, current, Term(PiezoHysteresis(width=0.2), ("width",)), leftover=False)
+    found = trials._with_term(problem, current, Term(PiezoHysteresis(width=0.2), ("width",)), leftover=False)
     assert found.cost == chosen
     assert widths == pytest.approx([0.2 * share for share in trials.SHARES[:tried]])
 
@@ -176,7 +176,7 @@ def test_the_candidate_that_fits_best_is_fitted_to_its_end_where_it_predicts_wor
     problem: Any = SimpleNamespace(
         reuse=False, solve=lambda terms, start, leftover: fit(terms[0], 3.0, 95.0), evidence=PROBLEM.evidence
     )
-    monkeypatch.setattr(trials, "_beside", lambda problem, current, term, leftover: begun[term.name])
+    monkeypatch.setattr(trials, "_with_term", lambda problem, current, term, leftover: begun[term.name])
     monkeypatch.setattr(trials, "gained", lambda without, present, partitions, criteria: present.gain)
     monkeypatch.setattr(trials, "_with_remainders", lambda problem, trials, partitions: ())
     monkeypatch.setattr(trials, "of_frames", lambda solved: solved.cost)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ertskin.diagnosis.force.indistinguishable import told_apart
+from ertskin.diagnosis.force.indistinguishable import distinguishable
 from ertskin.physics.effects.foam_hysteresis import FoamHysteresis
 from ertskin.physics.effects.foam_softening import FoamSoftening
 from ertskin.physics.effects.viscoelastic_foam import ViscoelasticFoam
@@ -33,7 +33,7 @@ def presses(*courses: tuple[float, list[Phase]]) -> History:
 
 
 @pytest.mark.parametrize(
-    ("history", "told"),
+    ("history", "expected"),
     [
         (presses((0.01, [REST, IN, IN, OUT]), (0.03, [REST, IN, OUT])), False),
         (presses((0.01, [REST, IN, OUT]), (0.03, [REST, IN, OUT]), (0.01, [REST, IN, OUT])), True),
@@ -41,6 +41,6 @@ def presses(*courses: tuple[float, list[Phase]]) -> History:
     ],
     ids=["each place once", "one place twice", "in again within a press"],
 )
-def test_only_a_second_way_in_tells(history: History, told: bool) -> None:
-    assert told_apart(FoamHysteresis(), FoamSoftening(), history) is told
-    assert told_apart(FoamHysteresis(), ViscoelasticFoam(), history)
+def test_only_a_second_way_in_tells(history: History, expected: bool) -> None:
+    assert distinguishable(FoamHysteresis(), FoamSoftening(), history) is expected
+    assert distinguishable(FoamHysteresis(), ViscoelasticFoam(), history)

@@ -18,7 +18,7 @@ from ertskin.diagnosis.judge.confidence import (
     overshadowed,
     reasoned,
     spoiling,
-    standing_only,
+    static_only,
 )
 from ertskin.diagnosis.judge.held_out import Predictions
 from ertskin.physics.effects.effect import Effect
@@ -60,7 +60,7 @@ def test_names_that_spoil_the_prediction_are_half_as_sure() -> None:
     assert spoiling(claims, True, DEFAULT)[0].confidence == pytest.approx(0.475)
 
 
-def test_presses_predicted_worse_than_by_the_plain_simulator_are_spoilt() -> None:
+def test_presses_predicted_worse_than_by_the_uncorrected_simulator_are_spoilt() -> None:
     before, little, more = (np.full((4, 3), size) for size in (2.0, 2.05, 2.2))
     held = np.arange(4)
     assert not Predictions(held, before, little).spoilt(DEFAULT)
@@ -93,15 +93,15 @@ def test_a_sheet_that_explains_what_stands_but_not_what_presses_change_is_less_s
     rng = np.random.default_rng(3)
     rest = np.arange(60) % 3 == 0
     noise = rng.standard_normal((60, 30))
-    standing, pressed = 1.5 * rng.standard_normal(30), np.where(rest, 0.0, 1.0)[:, None] * rng.standard_normal(30)
+    static, pressed = 1.5 * rng.standard_normal(30), np.where(rest, 0.0, 1.0)[:, None] * rng.standard_normal(30)
     claims = [claim(SheetAnisotropy(stretch_x=0.1), 1.8), claim(PiezoCreep(fraction=0.2), 1.8)]
-    assert standing_only(claims, (noise + standing + pressed, noise), rest, DEFAULT) == claims
-    assert standing_only(claims, (noise + standing, noise), rest, DEFAULT) == claims
-    doubted, kept = standing_only(claims, (noise + standing + pressed, noise + pressed), rest, DEFAULT)
+    assert static_only(claims, (noise + static + pressed, noise), rest, DEFAULT) == claims
+    assert static_only(claims, (noise + static, noise), rest, DEFAULT) == claims
+    doubted, kept = static_only(claims, (noise + static + pressed, noise + pressed), rest, DEFAULT)
     assert doubted.confidence == pytest.approx(0.475)
     assert kept.confidence == 0.95
-    residuals = (noise + standing + pressed, noise + pressed)
-    shown = standing_only(claims, residuals, rest, DEFAULT, {SheetAnisotropy.name})
+    residuals = (noise + static + pressed, noise + pressed)
+    shown = static_only(claims, residuals, rest, DEFAULT, {SheetAnisotropy.name})
     assert shown == claims
 
 
@@ -121,4 +121,4 @@ def test_a_rule_that_makes_a_claim_less_sure_leaves_its_reason() -> None:
     after = [replace(before[0], confidence=0.6), before[1]]
     found = reasoned(before, after, "left_over", "part of the misfit stays")
     assert [claim.reasons for claim in found] == [(Reason("left_over", 0.9, 0.6, "part of the misfit stays"),), ()]
-    assert found[0].plain()["reasons"][0]["after"] == 0.6
+    assert found[0].as_builtins()["reasons"][0]["after"] == 0.6

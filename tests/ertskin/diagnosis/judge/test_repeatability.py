@@ -39,19 +39,19 @@ def presses(place_m: np.ndarray, force_n: np.ndarray) -> History:
 def found(skin: Skin, landing_m: np.ndarray, strength: np.ndarray, force_n: float | np.ndarray = 3.0):  # type: ignore[no-untyped-def]
     """What is said of presses that landed ``landing_m`` (N,2) off and pressed ``strength`` (N,) times as hard."""
     place, force = np.tile(PLACES, (VISITS, 1)), np.broadcast_to(force_n, len(PLACES) * VISITS)
-    told, real = presses(place, force), presses(place + landing_m, force * strength)
-    rows = np.flatnonzero(told.touched.any(axis=1))
+    nominal, real = presses(place, force), presses(place + landing_m, force * strength)
+    rows = np.flatnonzero(nominal.touched.any(axis=1))
 
     def scans(other: Skin, force_n: np.ndarray) -> np.ndarray:
-        readings = other.readings_v(told, force_n, rows)
+        readings = other.readings_v(nominal, force_n, rows)
         return readings.reshape(len(rows), -1) @ skin.protocol.orthonormal / NOISE_V
 
     seen = skin.readings_v(real, np.nan_to_num(real.force_n), rows)
     seen = seen + NOISE_V * np.random.default_rng(0).standard_normal(seen.shape)
-    force_n = np.nan_to_num(told.force_n)
+    force_n = np.nan_to_num(nominal.force_n)
     residual = seen.reshape(len(rows), -1) @ skin.protocol.orthonormal / NOISE_V - scans(skin, force_n)
     return repeatability(
-        residual, scans, skin, force_n, told.press[rows], told.contact_m[rows, 0], force_n[rows].sum(axis=1)
+        residual, scans, skin, force_n, nominal.press[rows], nominal.contact_m[rows, 0], force_n[rows].sum(axis=1)
     )
 
 

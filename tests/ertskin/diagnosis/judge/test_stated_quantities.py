@@ -41,18 +41,18 @@ def test_the_wider_of_two_covariances_counts_and_none_is_narrower_than_a_form() 
 def test_a_claim_states_its_map_in_the_sheet() -> None:
     effect = PiezoInhomogeneity(amplitude=0.5, x_m=0.04, y_m=0.06, radius_m=0.02)
     claim = Claim(effect, 0.9, 1.3, {"amplitude": Estimate(0.5, 0.4, 0.6, "1")})
-    said = stated(claim, STANDARD, Spread.of(claim.parameters), SENSOR).plain()
+    said = stated(claim, STANDARD, Spread.of(claim.parameters), SENSOR).as_builtins()
     point, value = np.array(said["map"]["point_m"]), np.array(said["map"]["value"])
     assert value == pytest.approx(effect.logarithm(point, SENSOR.extent_m), abs=1e-4)
     assert ((point > SENSOR.extent_m[0]) & (point < SENSOR.extent_m[1])).all()
     assert said["quantities"]["log_spread"]["low"] < said["quantities"]["log_spread"]["high"]
-    assert claim.plain()["map"] is None
+    assert claim.as_builtins()["map"] is None
     assert field_map(PiezoHysteresis(width=0.1), SENSOR) is None
 
 
 def test_a_limit_that_was_read_off_is_stated_in_volt() -> None:
     claim = Claim(AdcSaturation(limit_v=4.0), 0.97, 1.3, {"limit_v": Estimate(4.0, 3.99, 4.01, "V")})
-    said = stated(claim, STANDARD, Spread.of(claim.parameters), SENSOR).plain()
+    said = stated(claim, STANDARD, Spread.of(claim.parameters), SENSOR).as_builtins()
     assert said["quantities"]["limit_v"]["value"] == 4.0
     assert said["quantities"]["limit_v"]["unit"] == "V"
 

@@ -64,7 +64,7 @@ def evidence_of(skin: Skin, history: History) -> Evidence:
         leftover_noise_v=NOISE_V,
         air_n=float("nan"),
         saturated_v=None,
-        stray=np.zeros((pairs, 0)),
+        excess_noise=np.zeros((pairs, 0)),
         traces=np.zeros((frames, pairs, 0)),
         leftover_share=1 - pairs / readings,
         repeats=np.zeros(SCAN.shape[1], dtype=np.intp),

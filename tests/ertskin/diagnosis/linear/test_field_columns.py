@@ -41,16 +41,16 @@ def test_columns_are_the_differences_that_each_field_makes(
     linear = LinearSkin(skin, history, np.nan_to_num(skin.force_n(history)), np.arange(len(history)), None)
     varied = kind(amplitude=0.2, x_m=0.02, y_m=0.02, radius_m=0.01)
     others = (PiezoHysteresis(width=0.1), *skew)
-    here, raised = (replace(skin, effects=(*others, effect)) for effect in (varied, varied.raised(BY)))
+    unraised, raised = (replace(skin, effects=(*others, effect)) for effect in (varied, varied.raised(BY)))
     extent_m = skin.sensor.extent_m
     fields = partial(field_design, SHAPE, extent_m=extent_m)
-    found = np.zeros((*linear.scans(here).shape, SHAPE[0] * SHAPE[1]))
-    for rows, columns in linear.field_columns(here, raised, BY, fields):
+    found = np.zeros((*linear.scans(unraised).shape, SHAPE[0] * SHAPE[1]))
+    for rows, columns in linear.field_columns(unraised, raised, BY, fields):
         found[rows] = columns
     for k in (0, 5, 11):
         nodes = tuple(map(tuple, (BY * np.eye(SHAPE[0] * SHAPE[1])[k]).reshape(SHAPE).tolist()))
         moved = replace(skin, effects=(*others, replace(varied, nodes=nodes)))
-        difference = (linear.scans(moved) - linear.scans(here)) / BY
+        difference = (linear.scans(moved) - linear.scans(unraised)) / BY
         assert np.abs(difference).max() > 0
         np.testing.assert_allclose(found[..., k], difference, atol=5e-3 * np.abs(found).max())
 

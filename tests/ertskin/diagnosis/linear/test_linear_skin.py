@@ -114,7 +114,7 @@ def test_contact_derivatives_are_those_of_where_the_fit_is(skin: Skin, linear: L
         leftover_noise_v=NOISE_V,
         air_n=0.01,
         saturated_v=None,
-        stray=np.zeros((pairs, 0)),
+        excess_noise=np.zeros((pairs, 0)),
         traces=np.zeros((frames, pairs, 0)),
         leftover_share=1.0,
         repeats=np.zeros(skin.protocol.shape[1], dtype=np.intp),
@@ -122,10 +122,12 @@ def test_contact_derivatives_are_those_of_where_the_fit_is(skin: Skin, linear: L
     cells = np.zeros(frames, dtype=np.intp)
     problem = VoltageProblem(evidence, None, linear, None, cells, np.ones(frames))  # type: ignore[arg-type]
     # As far from where the skin was linearised as a fit may go.
-    there = replace(skin, contact_resistance_ohm=skin.contact_resistance_ohm * np.array([0.3, 3.0, 1.0, 0.5, 2.0, 1.0]))
-    columns = problem.contact_columns(there)
+    distant = replace(
+        skin, contact_resistance_ohm=skin.contact_resistance_ohm * np.array([0.3, 3.0, 1.0, 0.5, 2.0, 1.0])
+    )
+    columns = problem.contact_columns(distant)
     for electrode in range(6):
         step = 1e-4 * (np.arange(6) == electrode)
-        moved = replace(there, contact_resistance_ohm=there.contact_resistance_ohm * np.exp(step))
-        change = -(problem.scan_residual(moved) - problem.scan_residual(there)) / 1e-4
+        moved = replace(distant, contact_resistance_ohm=distant.contact_resistance_ohm * np.exp(step))
+        change = -(problem.scan_residual(moved) - problem.scan_residual(distant)) / 1e-4
         np.testing.assert_allclose(columns[..., electrode], change, rtol=1e-3, atol=1e-3 * np.abs(change).max())

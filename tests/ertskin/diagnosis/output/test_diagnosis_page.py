@@ -34,7 +34,7 @@ def findings() -> Findings:
     stress = np.concatenate([np.linspace(0, 6e4, 20), np.linspace(6e4, 0, 20)])
     fit = SimpleNamespace(residual=random.normal(size=(27, 1)))
     baseline = SimpleNamespace(
-        force_plain=fit,
+        force_linear=fit,
         force_best=fit,
         force_noise=SimpleNamespace(rms_n=0.01),
         specimen=SimpleNamespace(stress_pa=stress, resistance_ohm_sq=18e3 * np.exp(-stress / 4e4)),
@@ -49,7 +49,7 @@ def findings() -> Findings:
     sheet = SheetInhomogeneity(gradient_x=0.1)
     field = field_map(sheet, sensor)
     assert field is not None
-    known = replace(field, error=np.full(len(field.value), 0.01), told=field.point_m[:, 1] > 0.06)
+    known = replace(field, error=np.full(len(field.value), 0.01), determined=field.point_m[:, 1] > 0.06)
     spread = {"log_spread": Estimate(0.03, 0.02, 0.04, "1")}
     mapped = Claim(sheet, 0.99, 8.9, {}, quantities=spread, field_map=known)
     held = HeldOut("9 presses", 2e-3, 2.1, 1.01, 0.0, 0.02, 0.004)
@@ -69,7 +69,7 @@ def findings() -> Findings:
 def test_names_and_units_are_words(tmp_path: Path) -> None:
     found = findings()
     drawn = write_figures(tmp_path, found)
-    assert all((tmp_path / one.plain()["file"]).is_file() for one in drawn)
+    assert all((tmp_path / one.as_builtins()["file"]).is_file() for one in drawn)
     path = write_report(tmp_path, found, drawn, ("ertskin train recording=skin.h5 effects=skin",), ("commit abc",))
     text = path.read_text(encoding="utf-8")
     for words in (

@@ -97,22 +97,23 @@ def test_the_undisturbed_mean_knows_neither_creep_nor_drift() -> None:
     truth = 100 * rng.standard_normal(NUMBERS)
     drift = np.linspace(-1, 1, FRAMES)[:, None] * columns[:, -1]
     scans = truth + drift + np.einsum("rpm,rm->rp", traces, 5 * rng.random((FRAMES, 3)))
-    plain, found = scans.mean(axis=0), _undisturbed_mean(scans, columns, traces)
+    mean, found = scans.mean(axis=0), _undisturbed_mean(scans, columns, traces)
     outside = np.eye(NUMBERS) - columns @ np.linalg.pinv(columns)
-    assert np.linalg.norm(outside @ (found - truth)) < 0.1 * np.linalg.norm(outside @ (plain - truth))
+    assert np.linalg.norm(outside @ (found - truth)) < 0.1 * np.linalg.norm(outside @ (mean - truth))
     own, place = _shares(scans - truth, columns, traces)
     np.testing.assert_allclose(own + place, scans - truth, atol=1e-9)
 
 
-def test_white_noise_strays_in_no_direction() -> None:
+def test_white_noise_has_no_excess_in_any_direction() -> None:
     rng = np.random.default_rng(4)
     columns, _ = columns_and_traces(rng)
     found = [
-        _scatter(rng.standard_normal((FRAMES, NUMBERS)), EACH, columns, 1.0, DEFAULT).stray.shape[1] for _ in range(40)
+        _scatter(rng.standard_normal((FRAMES, NUMBERS)), EACH, columns, 1.0, DEFAULT).excess_noise.shape[1]
+        for _ in range(40)
     ]
     assert np.mean(np.array(found) > 0) <= 0.1
     jitter = rng.standard_normal((FRAMES, NUMBERS)) + np.outer(4 * rng.standard_normal(FRAMES), columns[:, 2])
-    assert _scatter(jitter, EACH, columns, 1.0, DEFAULT).stray.shape[1] == 1
+    assert _scatter(jitter, EACH, columns, 1.0, DEFAULT).excess_noise.shape[1] == 1
     assert _largest_by_chance(200, 9) < _largest_by_chance(20, 9)
 
 
@@ -126,7 +127,7 @@ def test_a_contact_that_jitters_is_named_and_noise_is_not() -> None:
     unit = columns[:, 2] / np.linalg.norm(columns[:, 2])
     jitter = rng.standard_normal((FRAMES, NUMBERS)) + np.outer(8 * rng.standard_normal(FRAMES), unit)
     assert _scatter(jitter, EACH, columns, 1.0, DEFAULT).jittering == 2
-    # Coloured noise strays along contacts too.
+    # Coloured noise exceeds the noise along contacts too.
     assert _scatter(1.5 * jitter, EACH, columns, 1.0, DEFAULT).jittering == -1
 
 
@@ -135,7 +136,7 @@ def test_contacts_that_all_jitter_are_how_the_skin_is_made() -> None:
     columns, traces = columns_and_traces(rng)
     unit = columns[:, :CONTACTS] / np.linalg.norm(columns[:, :CONTACTS], axis=0)
     alike = rng.standard_normal((FRAMES, NUMBERS)) + 8 * rng.standard_normal((FRAMES, CONTACTS)) @ unit.T
-    assert _scatter(alike, EACH, columns, 1.0, DEFAULT).stray.shape[1] == CONTACTS
+    assert _scatter(alike, EACH, columns, 1.0, DEFAULT).excess_noise.shape[1] == CONTACTS
     time_s = np.arange(float(FRAMES))
     change = alike - alike.mean(axis=0)
     contacts, run = np.full(CONTACTS, 300.0), np.arange(FRAMES)
@@ -160,7 +161,7 @@ def test_a_contact_that_is_another_one_in_every_run_scatters_by_all_of_that() ->
         run = np.repeat(np.arange(36), rests)
         moved = 8 * rng.standard_normal(36)[run]
         noise = _scatter(rng.standard_normal((len(run), NUMBERS)) + np.outer(moved, unit), run, columns, 1.0, DEFAULT)
-        assert np.linalg.norm(noise.stray) == pytest.approx(moved.std(), rel=0.25)
+        assert np.linalg.norm(noise.excess_noise) == pytest.approx(moved.std(), rel=0.25)
         assert noise.jittering == 2
 
 
@@ -203,8 +204,8 @@ def test_a_contact_that_changes_from_press_to_press_does_not_drift() -> None:
     run = np.repeat(np.arange(FRAMES // 3), 3)
     loose = np.where(rng.random(FRAMES // 3) < 0.4, 10.0, 0.0)[run]
     change = rng.standard_normal((FRAMES, NUMBERS)) + np.outer(loose - loose.mean(), columns[:, 2])
-    plain = (1.0, columns, np.zeros_like(traces), np.full(CONTACTS, 300.0), DEFAULT)
-    assert _contact_drift(change, np.arange(float(FRAMES)), run, *plain) == ()
+    given = (1.0, columns, np.zeros_like(traces), np.full(CONTACTS, 300.0), DEFAULT)
+    assert _contact_drift(change, np.arange(float(FRAMES)), run, *given) == ()
 
 
 def test_coloured_noise_is_known_as_well_as_it_says():

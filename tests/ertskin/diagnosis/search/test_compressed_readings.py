@@ -104,12 +104,12 @@ def test_straight_readings_show_no_compression() -> None:
 def test_scans_are_those_of_the_bent_readings_and_their_derivative_is_that_of_the_mean_one() -> None:
     problem, solved = fitted(FULL, 0.3, ChannelGain())
     bend, signal = AdcSaturation(compression=0.05, sharpness=3.0, level_v=0.1), problem.acquisition
-    plain = problem.family.skin(solved.calibration, (GAIN, bend))
-    still = signal.linear.scans(plain)
+    skin = problem.family.skin(solved.calibration, (GAIN, bend))
+    still = signal.linear.scans(skin)
     readings = (still @ FULL.orthonormal.T).reshape(-1, *FULL.shape)
     whole = bend.distorted_v(GAIN.distorted_v(readings, FULL), FULL).reshape(len(still), -1) @ FULL.orthonormal
-    np.testing.assert_allclose(signal.scans(plain), whole, atol=1e-12)
-    matrix = signal.on_columns(replace(plain, effects=(bend,)))
+    np.testing.assert_allclose(signal.scans(skin), whole, atol=1e-12)
+    matrix = signal.on_columns(replace(skin, effects=(bend,)))
     assert matrix is not None
     mean, change = still.mean(axis=0), 1e-4 * np.ones(still.shape[1])
     slope = signal.distorted(np.stack([mean + change, mean]), (bend,))

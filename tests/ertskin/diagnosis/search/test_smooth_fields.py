@@ -100,10 +100,10 @@ def test_evidence_is_the_marginal_likelihood() -> None:
     half, design = rng.normal(size=(8, 3)), rng.normal(size=(20, 8))
     wrong = rng.normal(size=20) * 2
     evidence = smooth_fields._evidences(half, design.T @ wrong, design.T @ design)
-    plain = multivariate_normal(np.zeros(20), np.eye(20)).logpdf(wrong)
+    without = multivariate_normal(np.zeros(20), np.eye(20)).logpdf(wrong)
     for spread, found in zip(smooth_fields.SPREADS, evidence, strict=True):
         through = spread * design @ half
-        expected = multivariate_normal(np.zeros(20), np.eye(20) + through @ through.T).logpdf(wrong) - plain
+        expected = multivariate_normal(np.zeros(20), np.eye(20) + through @ through.T).logpdf(wrong) - without
         assert found == pytest.approx(expected, rel=1e-9)
 
 
@@ -181,7 +181,7 @@ def errors_between_presses(seed: int) -> tuple[float, float]:
     half = smooth_fields._covariances(SHAPE, tuple(EXTENT_M.ravel()))[LENGTHS.index(0.5)]
     summed = gradient.sum(axis=0), hessian.sum(axis=0)
     wide = smooth_fields.SPREADS[int(smooth_fields._evidences(half, *summed).argmax())]
-    modes, sizes = smooth_fields._told(half, wide, *summed)
+    modes, sizes = smooth_fields._informed_modes(half, wide, *summed)
     new = field_design(SHAPE, at[20:], EXTENT_M)
     size = float(np.sqrt(np.mean((new @ field) ** 2)))
     found = (process.modes @ process.sizes, modes @ sizes)

@@ -66,7 +66,7 @@ def uneven(width: float) -> tuple[Specimen, np.ndarray]:
 
 def test_presses_that_differ_are_said_to_and_no_memory_is_named_for_it():
     made, factor = uneven(0.0)
-    found = diagnosed(made).plain()
+    found = diagnosed(made).as_builtins()
     assert (found["verdict"], found["where"]["depends_on"], found["effects"]) == ("unexplained", ["press"], [])
     assert "presses differ" in found["reason"]
     felt = np.array(list(found["presses"]["felt"].values()))

@@ -47,7 +47,7 @@ def placed(recording: Recording) -> Placement:
 
 def test_a_squeezed_tank_has_electrodes_out_of_place():
     shift = 0.25 * np.sin(2 * ANGLE + 0.4)
-    found = diagnose_any(tank(shift), "disk.h5", lambda share, text: None).diagnosis.plain()
+    found = diagnose_any(tank(shift), "disk.h5", lambda share, text: None).diagnosis.as_builtins()
     assert {effect["name"] for effect in found["effects"]} == {"electrode_displacement"}
     assert "outline_changed" in {other["name"] for other in found["effects"][0]["alternatives"]}
     assert found["held_out"]["ratio_after"] < 0.3 * found["held_out"]["ratio_before"]

@@ -157,7 +157,7 @@ def test_a_diagnosis_names_the_electrode_and_shows_it(scans: np.ndarray, tmp_pat
     diagnosis = findings.diagnosis
     assert diagnosis.electrodes == (7,)
     assert [claim.effect.name for claim in diagnosis.claims] == ["channel_gain"] * 2
-    assert diagnosis.plain()["effects"][0]["parameters"]["channel"]["value"] == 6
+    assert diagnosis.as_builtins()["effects"][0]["parameters"]["channel"]["value"] == 6
     assert diagnosis.held_out.ratio_after is not None
     assert diagnosis.held_out.ratio_before is not None
     assert diagnosis.held_out.ratio_after < 0.4 * diagnosis.held_out.ratio_before
@@ -202,7 +202,7 @@ def test_a_channel_that_reads_a_difference_is_named_and_no_electrode_for_it(scan
     wrong = noisy(scans[0], seed=8, spread=0.1)
     wrong[:, channel] *= factor
     found = diagnose_tank(recording(np.stack([wrong, wrong + noisy(0 * wrong, seed=9)])), "made up").diagnosis
-    assert [claim.plain()["parameters"]["channel"]["value"] for claim in found.claims] == [channel]
+    assert [claim.as_builtins()["parameters"]["channel"]["value"] for claim in found.claims] == [channel]
     assert found.electrodes == (channel, channel + 1)
     assert found.claims[0].parameters["gain"].value == pytest.approx(factor - 1, abs=0.02)
 
