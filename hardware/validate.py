@@ -123,10 +123,10 @@ def _describe_protocol(protocol: Protocol, findings: Findings) -> None:
     findings.fact("scan", f"{injections} injections x {readings} readings", injections * readings)
     if protocol.count < injections * readings:
         findings.fact("readings taken", f"{protocol.count} of {injections * readings}", protocol.count)
-    told, pairs = protocol.factor.shape
-    if told < pairs:
-        findings.fact("pair resistances told", f"{told} combinations of {pairs}", told)
-    if protocol.count == told:
+    combinations, pairs = protocol.factor.shape
+    if combinations < pairs:
+        findings.fact("pair resistances told", f"{combinations} combinations of {pairs}", combinations)
+    if protocol.count == combinations:
         findings.warnings.append("no reading is taken twice: the noise can't be told from what changes on the skin")
     if protocol.injection_offset_s is None:
         findings.warnings.append("protocol has no injection_offset_s: a press that moves during a scan can't be seen")

@@ -136,12 +136,12 @@ class Skin:
     def _spots(self, contact_m: Array, force_n: Array) -> tuple[Array, Array]:
         """Places (S,2) that are pressed, and the force (T,S) in newton that the sheet feels at each."""
         felt_n = self.felt_n(force_n)
-        there = np.isfinite(contact_m).all(axis=-1) & (np.nan_to_num(felt_n) > 0)
+        touching = np.isfinite(contact_m).all(axis=-1) & (np.nan_to_num(felt_n) > 0)
         # As complex numbers places are sorted at once.
-        known, number = np.unique(contact_m[there] @ (1, 1j), return_inverse=True)
+        known, number = np.unique(contact_m[touching] @ (1, 1j), return_inverse=True)
         spots = np.stack([known.real, known.imag], axis=-1)
         share_n = np.zeros((len(felt_n), len(spots)))
-        np.add.at(share_n, (np.nonzero(there)[0], number), felt_n[there])
+        np.add.at(share_n, (np.nonzero(touching)[0], number), felt_n[touching])
         return spots, share_n
 
     # piezoresistance -----------------------------------------------------------------------------------------------
@@ -155,10 +155,10 @@ class Skin:
 
     def sheet_conductance_s(self, fabric_ohm_sq: Array, position_m: Array) -> Array:
         """(...,N), or (...,N,3) with anisotropy: conductance in siemens of a fabric of (...,N) ohm per square."""
-        plain = 1.0 / fabric_ohm_sq
+        fabric_s = 1.0 / fabric_ohm_sq
         order = sorted(_of(self.effects, SheetEffect), key=lambda e: e.order)
         extent = self.sensor.extent_m
-        return reduce(lambda s, e: e.conductivity_s(s, position_m, extent), order, plain)
+        return reduce(lambda s, e: e.conductivity_s(s, position_m, extent), order, fabric_s)
 
     @cached_property
     def sheet_factor(self) -> Array:

@@ -11,7 +11,7 @@ Array = NDArray[np.float64]
 
 _MAD_TO_STD = 1.4826
 
-LEAST_TOLD = 1e-6
+LEAST_HELD = 1e-6
 """Share of every combination of pair resistances that the readings there are must hold."""
 
 
@@ -84,9 +84,9 @@ def _without(basis: Array, reading: Array, left_out: NDArray[np.bool_]) -> Array
 
 def _medians(flat: Array, missing: NDArray[np.bool_]) -> Array:
     """(R,) median of each reading over the frames that have it, nought where none has."""
-    there = ~missing.all(axis=0)
+    present = ~missing.all(axis=0)
     usual = np.zeros(flat.shape[1])
-    usual[there] = np.nanmedian(np.where(missing, np.nan, flat)[:, there], axis=0)
+    usual[present] = np.nanmedian(np.where(missing, np.nan, flat)[:, present], axis=0)
     return usual
 
 
@@ -94,10 +94,10 @@ def tells_all(basis: Array, gone: NDArray[np.bool_]) -> bool:
     """Whether the readings (R,) that are not ``gone`` tell all coordinates in an orthonormal ``basis`` (R,n)."""
     rows = basis[gone]
     rows = rows[rows.any(axis=1)]
-    if (rows**2).sum() < 1 - LEAST_TOLD:
+    if (rows**2).sum() < 1 - LEAST_HELD:
         return True
     small = rows @ rows.T if len(rows) < rows.shape[1] else rows.T @ rows
-    return 1 - float(np.linalg.eigvalsh(small)[-1]) > LEAST_TOLD
+    return 1 - float(np.linalg.eigvalsh(small)[-1]) > LEAST_HELD
 
 
 def _replaceable(
@@ -115,6 +115,6 @@ def _replaceable(
 def _typical(absolute: Array, missing: NDArray[np.bool_]) -> Array:
     """(T,) robust standard deviation of each frame's absolute residuals, kept off zero for noise-free frames."""
     rows = zip(absolute, ~missing, strict=True)
-    middle = np.array([np.median(row[there]) if there.any() else 0.0 for row, there in rows])
+    middle = np.array([np.median(row[present]) if present.any() else 0.0 for row, present in rows])
     scale = np.finfo(float).eps * 1e3
     return np.maximum(_MAD_TO_STD * middle, scale)

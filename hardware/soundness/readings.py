@@ -86,8 +86,8 @@ def injected_power_w(scan_v: Array, protocol: Protocol) -> Array:
     current = protocol.injection_current_a
     share = np.linalg.pinv(weight, rcond=1e-6) @ current[:, :, None]
     left = current - (weight @ share)[..., 0]
-    told = np.linalg.norm(left, axis=1) < 1e-6 * np.linalg.norm(current, axis=1)
-    return np.where(told, (share[..., 0] * np.where(known, scan_v, 0.0)).sum(axis=1), np.nan)
+    determined = np.linalg.norm(left, axis=1) < 1e-6 * np.linalg.norm(current, axis=1)
+    return np.where(determined, (share[..., 0] * np.where(known, scan_v, 0.0)).sum(axis=1), np.nan)
 
 
 def _swapped_faults(scan_v: Array, protocol: Protocol) -> Iterator[Doubt]:

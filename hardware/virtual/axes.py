@@ -65,11 +65,11 @@ class Axes:
 
     def stop(self, now_s: float) -> None:
         """Stand where they are; forget the rest."""
-        here = self.at(now_s)
+        position_m = self.at(now_s)
         kept = [leg for leg in self._legs if leg.begin_s < now_s]
         last = kept[-1]
         if last.end_s > now_s:
-            kept[-1] = Leg(last.begin_s, now_s, last.begin_m, here)
+            kept[-1] = Leg(last.begin_s, now_s, last.begin_m, position_m)
         self._legs = kept
 
     def path_m(self, since_s: float, until_s: float) -> list[tuple[float, Array]]:

@@ -28,7 +28,7 @@ LEAST_WANDER = 0.3 / HOUR_S**0.5
 """The same of what they don't explain, in units of the noise."""
 FIRST_CONTACT, FIRST_SHEET, FIRST_WANDER = 1.0, 0.3, 100.0
 """What may have changed since the calibration, in the same units."""
-UNTOLD = 1e-6
+NEGLIGIBLE = 1e-6
 """Slopes below this share of the largest tell nothing."""
 FALSE_ALARMS = 1e-3
 """Share of frames of the skin as it was calibrated, resting or touched, that are said to be of another one."""
@@ -59,10 +59,10 @@ class RestingSkin:
     def span(self) -> Array:
         """(n,r) orthonormal basis of what contacts and sheet explain."""
         left, size, _ = np.linalg.svd(self.slope_v, full_matrices=False)
-        return np.ascontiguousarray(left[:, size > UNTOLD * size.max(initial=0.0)])
+        return np.ascontiguousarray(left[:, size > NEGLIGIBLE * size.max(initial=0.0)])
 
     @cached_property
-    def told(self) -> Array:
+    def information(self) -> Array:
         """(m,m) what a frame tells of contacts and sheet: slope'slope over the noise's square."""
         return np.asarray(self.slope_v.T @ self.slope_v / self.noise_v**2)
 
@@ -149,7 +149,7 @@ class RestState:
     def zero_variance(self) -> float:
         """Mean variance of ``zero_v``'s coordinates, in units of the noise's."""
         known = self.skin.span.shape[1]
-        explained = float(np.sum(self.skin.told * self.covariance))
+        explained = float(np.sum(self.skin.information * self.covariance))
         return (explained + (len(self.skin.rest_v) - known) * self.remainder_variance) / len(self.skin.rest_v)
 
     def at(self, time_s: float) -> RestState:
@@ -188,7 +188,7 @@ class RestState:
         within, outside = self._parted(error)
         seen = skin.slope_v.T @ error / skin.noise_v
         spread = self.covariance + np.diag(skin.jitters**2)
-        mixed = np.eye(len(spread)) + skin.told @ spread
+        mixed = np.eye(len(spread)) + skin.information @ spread
         square = float(within @ within - seen @ spread @ np.linalg.solve(mixed, seen))
         return square + float(outside @ outside) / (1.0 + self.remainder_variance), mixed
 
@@ -198,8 +198,8 @@ class RestState:
         error = (coordinates_v - self.zero_v) / skin.noise_v
         _, outside = self._parted(error)
         spread = self.covariance + np.diag(skin.jitters**2)
-        gained = np.linalg.solve((np.eye(len(spread)) + skin.told @ spread).T, self.covariance).T
-        covariance = self.covariance - gained @ skin.told @ self.covariance
+        gained = np.linalg.solve((np.eye(len(spread)) + skin.information @ spread).T, self.covariance).T
+        covariance = self.covariance - gained @ skin.information @ self.covariance
         share = self.remainder_variance / (1.0 + self.remainder_variance)
         return replace(
             self,

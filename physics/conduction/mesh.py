@@ -128,16 +128,16 @@ def _mesh_with_pads(outline_m: Array, center_m: Array, size_m: Array, grading: G
     reach = half + margin[:, None]
     # The outermost layer of a block sets the cell size beside it, and the distance points must keep from it.
     outermost = [np.diff(layers(m, grading.rim_m, grading.growth))[-1] for m in margin]
-    beside = np.minimum(grading.cell_m, np.array(outermost))
+    bordering_m = np.minimum(grading.cell_m, np.array(outermost))
 
     def cell(point: Array) -> Array:
         box, away = _distance_to_boxes(point, center_m, reach)
-        return np.minimum(grading.cell_m, (beside[box] + grading.spread * away).min(axis=1))
+        return np.minimum(grading.cell_m, (bordering_m[box] + grading.spread * away).min(axis=1))
 
     boundary, _ = _outline_points(outline_m, np.zeros(0), cell)
     inside = _quadtree_points(outline_m, cell, grading.cell_m)
     box, away = _distance_to_boxes(inside, center_m, reach)
-    clear = (away > 0.5 * beside[box]).all(axis=1)
+    clear = (away > 0.5 * bordering_m[box]).all(axis=1)
     point = np.concatenate([boundary, *blocks, _clear_of(inside[clear], boundary, outline_m, cell)])
     triangle = _delaunay_inside(point, outline_m)
     pad = _covering_pad(point[triangle].mean(axis=1), center_m, half)

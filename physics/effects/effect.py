@@ -96,7 +96,7 @@ class Effect:
 
     def settings(self) -> dict[str, Any]:
         """Every field as plain Python, for a configuration file."""
-        return {f.name: _plain(getattr(self, f.name)) for f in fields(self)}
+        return {f.name: _as_builtins(getattr(self, f.name)) for f in fields(self)}
 
     @property
     def place(self) -> tuple[tuple[float, float], float] | None:
@@ -154,9 +154,9 @@ class Start:
     along: tuple[str, ...] = ()
 
 
-def _plain(value: Any) -> Any:
+def _as_builtins(value: Any) -> Any:
     if isinstance(value, tuple):
-        return [_plain(v) for v in value]
+        return [_as_builtins(v) for v in value]
     return value.item() if isinstance(value, np.generic) else value
 
 

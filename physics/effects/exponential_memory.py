@@ -38,9 +38,9 @@ def _decay_and_gains(time_s: Array, constant_s: float, moves_s: float) -> tuple[
     at its beginning or at its end."""
     step = np.diff(time_s, prepend=time_s[0])
     moving = np.minimum(step, moves_s)
-    standing = np.exp(-(step - moving) / constant_s)
+    holding = np.exp(-(step - moving) / constant_s)
     coming = _ramped(moving / constant_s)
-    return np.exp(-step / constant_s), np.stack([_ramped(step / constant_s), coming * standing, coming])
+    return np.exp(-step / constant_s), np.stack([_ramped(step / constant_s), coming * holding, coming])
 
 
 def _forgets(drive: Array, cleared: NDArray[np.bool_] | None) -> NDArray[np.bool_]:

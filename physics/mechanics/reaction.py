@@ -87,8 +87,8 @@ def lift_offs(time_s: Array, pressing: NDArray[np.bool_]) -> tuple[NDArray[np.in
 def place_numbers(contact_m: Array) -> NDArray[np.intp]:
     """(T,P) number of the spot each contact (T,P,2) presses, -1 where there is none."""
     numbers = np.full(contact_m.shape[:-1], -1, dtype=np.intp)
-    there = np.isfinite(contact_m).all(axis=-1)
-    spots = np.round(contact_m[there] / PLACE_M).astype(np.int64)
+    touching = np.isfinite(contact_m).all(axis=-1)
+    spots = np.round(contact_m[touching] / PLACE_M).astype(np.int64)
     if len(spots):
-        numbers[there] = np.unique(spots, axis=0, return_inverse=True)[1].ravel()
+        numbers[touching] = np.unique(spots, axis=0, return_inverse=True)[1].ravel()
     return numbers

@@ -54,10 +54,10 @@ class MeasuredNoise:
             raise ValueError(f"measured noise needs at least three rest frames, the recording has {len(rest_v)}")
         coordinates, left_out = despiked(protocol, rest_v)
         leftover = rest_v.reshape(len(rest_v), -1) - coordinates @ protocol.orthonormal.T
-        there = np.isfinite(leftover) & protocol.taken.ravel()
-        flagged = left_out.reshape(len(rest_v), -1) & there
-        std_v = _white_std(protocol, leftover[there & ~flagged], np.diff(coordinates, axis=0))
-        rate = float(flagged.sum() / max(there.sum(), 1))
+        usable = np.isfinite(leftover) & protocol.taken.ravel()
+        flagged = left_out.reshape(len(rest_v), -1) & usable
+        std_v = _white_std(protocol, leftover[usable & ~flagged], np.diff(coordinates, axis=0))
+        rate = float(flagged.sum() / max(usable.sum(), 1))
         if zero is None:
             zero = (1.0 - np.eye(len(rest_v))) / (len(rest_v) - 1)
         # What a frame differs by from the mean of the others is larger than its own noise by that of the mean.
@@ -112,9 +112,9 @@ def _along(centred: Array, slope_v: Array, std_v: float, freedom: float) -> tupl
     by_chance = chdtri(freedom, CHANCE) / freedom
     variance, _, _ = _variance(centred, slope_v, std_v)
     slope_v = slope_v[:, variance > by_chance]
-    variance, error, told = _variance(centred, slope_v, std_v)
+    variance, error, coefficients = _variance(centred, slope_v, std_v)
     size = error * np.sqrt(np.maximum(variance - 1.0, 0.0))
-    return size[:, None] * slope_v.T, centred - told @ slope_v.T
+    return size[:, None] * slope_v.T, centred - coefficients @ slope_v.T
 
 
 def _variance(centred: Array, slope_v: Array, std_v: float) -> tuple[Array, Array, Array]:
@@ -122,8 +122,8 @@ def _variance(centred: Array, slope_v: Array, std_v: float) -> tuple[Array, Arra
     what the frames tell of it."""
     inverse = np.linalg.pinv(slope_v)
     error = np.maximum(std_v * np.linalg.norm(inverse, axis=1), np.finfo(float).tiny)
-    told = centred @ inverse.T
-    return np.square(told / error).mean(axis=0), error, told
+    coefficients = centred @ inverse.T
+    return np.square(coefficients / error).mean(axis=0), error, coefficients
 
 
 def _drift(centred: Array, std_v: float, margin: float) -> Array:

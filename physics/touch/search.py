@@ -156,7 +156,7 @@ class TouchPosterior:
 @njit(cache=True, nogil=True)
 def _shares(logs, temperature, force_n):  # type: ignore[no-untyped-def]
     """(N,C+1) probability of each number of contacts by log evidences (N,C+1), and (N,C) that each is there."""
-    share, there = np.empty_like(logs), np.full(force_n.shape, np.nan)
+    share, probability = np.empty_like(logs), np.full(force_n.shape, np.nan)
     for n in range(len(logs)):
         share[n] = np.exp((logs[n] - np.max(logs[n])) / temperature)
         share[n] /= np.sum(share[n])
@@ -164,8 +164,8 @@ def _shares(logs, temperature, force_n):  # type: ignore[no-untyped-def]
         for c in range(force_n.shape[1] - 1, -1, -1):
             more += share[n, c + 1]
             if np.isfinite(force_n[n, c]):
-                there[n, c] = more
-    return share, there
+                probability[n, c] = more
+    return share, probability
 
 
 def _finite(contacts: Array) -> Array:

@@ -24,7 +24,7 @@ def test_a_table_is_read(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "expected"),
     [
         ("", "no column"),
         ("a,b\n1,2\n", "no column"),
@@ -35,10 +35,10 @@ def test_a_table_is_read(tmp_path: Path) -> None:
         (TABLE + "1,2,3,0.5\n", "cycle"),
     ],
 )
-def test_what_is_no_table_is_told(text: str, told: str, tmp_path: Path) -> None:
+def test_what_is_no_table_is_told(text: str, expected: str, tmp_path: Path) -> None:
     path = tmp_path / "specimen.csv"
     path.write_text(text)
-    with pytest.raises(RecordingError, match=told):
+    with pytest.raises(RecordingError, match=expected):
         read_specimen_table(path)
     with pytest.raises(RecordingError, match=r"absent\.csv"):
         read_specimen_table(tmp_path / "absent.csv")

@@ -45,7 +45,7 @@ def test_a_rig_answers_or_says_who_does_not() -> None:
 
 def test_a_description_that_makes_no_sense_is_told_in_a_line() -> None:
     bench = small_bench()
-    for part, changed, told in (
+    for part, changed, expected in (
         ("stage", {"driver": "abacus"}, "abacus"),
         ("stage", {"travel_low_m": None}, "stage"),
         ("load_cell", {"layout": "prose"}, "prose"),
@@ -53,7 +53,7 @@ def test_a_description_that_makes_no_sense_is_told_in_a_line() -> None:
         ("limits", {"hang_s": 1.0}, "limits.hang_s: found 1 s, expected at least 5 s"),
     ):
         fields = {**bench.fields, part: {**bench.fields[part], **changed}}
-        with pytest.raises(RigError, match=told):
+        with pytest.raises(RigError, match=expected):
             open_rig(fields, bench.world.skin.sensor, bench.world.skin.protocol, bench.clock)
     # Every port was let go of.
     bench.open().close()

@@ -83,22 +83,22 @@ def test_who_guards_knows_when_a_block_or_specimen_of_another_height_is_pressed(
     bench = bench_of(block_stiffness_n_per_m=9e3, pair=StraightPair())
     x, y, z = bench.fields["geometry"]["origin_m"]
     bench.fields["geometry"]["origin_m"] = (x, y, z - higher_m)
-    told: list[tuple[bool, float]] = []
+    lowerings: list[tuple[bool, float]] = []
     indenter = Indenter(bench.open())
-    indenter.rig.tell_lowered = lambda lowered: told.append((lowered, deepest_m(bench)))
+    indenter.rig.tell_lowered = lambda lowered: lowerings.append((lowered, deepest_m(bench)))
     indenter.ready()
     indenter.zero()
-    told.clear()
+    lowerings.clear()
     if what == "block":
         press_rigid_block(indenter, depth_m=2e-4)
     else:
         bench.wire_specimen(True)
         press_specimen(indenter, SpecimenSetup(PLATE_M2, steps=2, cycles=1))
-    downs = [lowered for lowered, _ in told]
+    downs = [lowered for lowered, _ in lowerings]
     assert True in downs
-    assert told[downs.index(True)][1] < 0.0
+    assert lowerings[downs.index(True)][1] < 0.0
     assert not downs[-1]
-    assert told[-1][1] < -5e-3
+    assert lowerings[-1][1] < -5e-3
     assert indenter.surface_z_m == pytest.approx(z - higher_m)
     indenter.retract()
     bench.close()
@@ -230,13 +230,13 @@ def test_a_cable_pulled_for_good(device: str, tmp_path: Path) -> None:
     assert "can't be opened" in said or "contact lost" in said
 
 
-@pytest.mark.parametrize(("device", "told"), [("load_cell", "no lines of a"), ("reader", "no reader of our link")])
-def test_an_instrument_silent_for_good(device: str, told: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize(("device", "expected"), [("load_cell", "no lines of a"), ("reader", "no reader of our link")])
+def test_an_instrument_silent_for_good(device: str, expected: str, tmp_path: Path) -> None:
     silence = Faults(0, {"drop": 1.0})
     said = _stopped(
         tmp_path, InstrumentError, disturb=lambda bench: setattr(getattr(bench, device), "outgoing", silence)
     )
-    assert told in said
+    assert expected in said
 
 
 def test_a_stage_silent_for_good_is_said_aloud(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:

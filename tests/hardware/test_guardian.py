@@ -163,7 +163,7 @@ def test_who_hangs_is_ended_and_who_sleeps_is_not(begin: Callable[..., Session])
 def test_silence_counts_while_the_stage_is_down_alone_and_any_word_ends_it() -> None:
     asked: list[int] = []
     minute = [None] * 60
-    for words, told, times in (
+    for words, expected, times in (
         ([UP, *minute * 3, b""], UP, 0),
         ([DOWN, *minute[1:], DOWN, *minute[1:], b""], DOWN, 0),
         ([DOWN, *minute, UP, b""], UP, 1),
@@ -172,11 +172,11 @@ def test_silence_counts_while_the_stage_is_down_alone_and_any_word_ends_it() -> 
         ([DOWN, *minute, *[None] * 5], HUNG, 1),
     ):
         asked.clear()
-        assert last_word(Told(words), 60.0, lambda: asked.append(1)) == told
+        assert last_word(Recited(words), 60.0, lambda: asked.append(1)) == expected
         assert len(asked) == times
 
 
-class Told(queue.Queue[bytes]):
+class Recited(queue.Queue[bytes]):
     """Words of a recording one by one; None is a wait in which none came."""
 
     def __init__(self, words: list[bytes | None]) -> None:

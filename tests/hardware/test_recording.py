@@ -111,7 +111,7 @@ def test_pairs_that_differ_from_injection_to_injection_come_back(tmp_path: Path)
     assert whole.protocol is not None
     assert whole.frames is not None
     taken = whole.protocol.taken
-    weights = np.stack([row[there] for row, there in zip(whole.protocol.measurement, taken, strict=True)])
+    weights = np.stack([row[present] for row, present in zip(whole.protocol.measurement, taken, strict=True)])
     protocol = Protocol(whole.protocol.injection_current_a, weights)
     voltage = whole.frames.voltage_v[:, taken].reshape(-1, 16, 13)
     recording = dataclasses.replace(whole, protocol=protocol, frames=Frames(voltage, whole.frames.history))

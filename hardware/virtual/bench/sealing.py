@@ -48,19 +48,19 @@ def seal(recording: Path, truth: Truth, folder: Path, about: Mapping[str, Any] |
     Returns the commitment. The same suite written again has the same seals (``to_seal``).
     """
     folder.mkdir(parents=True, exist_ok=True)
-    beside, hidden = _names(recording, folder)
+    seal_file, hidden = _names(recording, folder)
     nonce, text = to_seal(truth, about)
     checksum = commitment(nonce, text)
     _write(hidden, {"nonce": nonce, "sealed": text})
-    _write(beside, {"recording": recording.name, "sha256": checksum})
+    _write(seal_file, {"recording": recording.name, "sha256": checksum})
     return checksum
 
 
 def committed(recording: Path) -> str:
     """The checksum beside a recording that its truth was committed to by; raises ``SealError`` where there is none."""
-    beside = recording.with_suffix(".seal.json")
+    seal_file = recording.with_suffix(".seal.json")
     try:
-        return str(json.loads(beside.read_text())["sha256"])
+        return str(json.loads(seal_file.read_text())["sha256"])
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise SealError(f"{recording}: no seal to open ({error})") from error
 
@@ -70,7 +70,7 @@ def unseal(recording: Path, folder: Path) -> tuple[Truth, dict[str, Any]]:
 
     Raises ``SealError`` if there is none or it isn't the one committed to.
     """
-    beside, hidden = _names(recording, folder)
+    seal_file, hidden = _names(recording, folder)
     checksum = committed(recording)
     try:
         held = json.loads(hidden.read_text())
@@ -78,6 +78,6 @@ def unseal(recording: Path, folder: Path) -> tuple[Truth, dict[str, Any]]:
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise SealError(f"{recording}: no seal to open ({error})") from error
     if commitment(nonce, text) != checksum:
-        raise SealError(f"{hidden}: this is not the truth that was committed in {beside.name}")
+        raise SealError(f"{hidden}: this is not the truth that was committed in {seal_file.name}")
     opened = json.loads(text)
     return Truth.from_json(json.dumps(opened["truth"])), opened["about"]

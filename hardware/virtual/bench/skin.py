@@ -210,8 +210,8 @@ class BenchSkin:
             return transfer_ohm
         admittance = np.linalg.pinv(transfer_ohm, rcond=1e-12, hermitian=True)
         count = len(admittance)
-        for here, bridge in enumerate(film["conductance_s"]):
+        for electrode, bridge in enumerate(film["conductance_s"]):
             step = np.zeros(count)
-            step[here], step[(here + 1) % count] = 1.0, -1.0
+            step[electrode], step[(electrode + 1) % count] = 1.0, -1.0
             admittance += bridge * np.outer(step, step)
         return np.linalg.pinv(admittance, rcond=1e-12, hermitian=True)

@@ -67,8 +67,8 @@ class Ruler:
         bare = draw_truth(self.sensor, self.seed)
         voltage, history = self._run(draw_truth(self.sensor, self.seed, dict(effects)), self.history)
         moved = np.nanmax(np.abs(history.force_n - self._forces)) > 1e-9
-        plain = self._run(bare, self._imposed(history))[0] if moved else self._plain
-        left = self._unexplained((voltage - plain).ravel()).reshape(len(voltage), -1)
+        bare_v = self._run(bare, self._imposed(history))[0] if moved else self._bare_v
+        left = self._unexplained((voltage - bare_v).ravel()).reshape(len(voltage), -1)
         network = left @ self.protocol.orthonormal
         return Ratios(
             float(np.sqrt(1.0 + np.mean(left**2) / self.white_v**2)),
@@ -109,7 +109,7 @@ class Ruler:
         return self._run(draw_truth(self.sensor, self.seed), self.history)
 
     @property
-    def _plain(self) -> Array:
+    def _bare_v(self) -> Array:
         return self._bare[0]
 
     @property
@@ -123,12 +123,12 @@ class Ruler:
         frames = len(self.history)
         current, weight = self.protocol.injection_current_a, self.protocol.measurement
         series = (weight * current[:, None, :]).reshape(-1, current.shape[1])
-        columns = [np.tile(series, (frames, 1)), self._plain.reshape(-1, 1)]
+        columns = [np.tile(series, (frames, 1)), self._bare_v.reshape(-1, 1)]
         for name, share in (("floor_ohm", 0.01), ("exponent", 0.01), ("closing_pa", 0.01), ("zero_ohm", 0.01)):
             shifted = replace(bare, law={**bare.law, name: bare.law[name] * (1 + share)})
-            columns.append((self._run(shifted, imposed)[0] - self._plain).reshape(-1, 1) / share)
+            columns.append((self._run(shifted, imposed)[0] - self._bare_v).reshape(-1, 1) / share)
         fabric = {name: value * (1.05 if "fabric" in name else 1.0) for name, value in bare.modulus_pa.items()}
-        softer = self._run(replace(bare, modulus_pa=fabric), imposed)[0] - self._plain
+        softer = self._run(replace(bare, modulus_pa=fabric), imposed)[0] - self._bare_v
         columns.append(softer.reshape(-1, 1) / 0.05)
         block = np.concatenate(columns, axis=1)
         return np.linalg.qr(block / np.linalg.norm(block, axis=0))[0]

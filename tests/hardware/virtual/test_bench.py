@@ -40,7 +40,7 @@ def run(truth: Truth, history: History = SHORT) -> tuple[np.ndarray, np.ndarray]
 
 
 @pytest.fixture(scope="module")
-def plain() -> tuple[np.ndarray, np.ndarray]:
+def bare_run() -> tuple[np.ndarray, np.ndarray]:
     return run(draw_truth(SENSOR, 1))
 
 
@@ -67,8 +67,8 @@ def test_nominal_sensor_is_that_of_the_recordings(shared_data: Path):
     assert SENSOR.layers == sensor.layers
 
 
-def test_a_plain_skin_repeats_itself_and_remembers_nothing(plain: tuple[np.ndarray, np.ndarray]):
-    voltage, force = plain
+def test_a_plain_skin_repeats_itself_and_remembers_nothing(bare_run: tuple[np.ndarray, np.ndarray]):
+    voltage, force = bare_run
     rest = SHORT.phase == Phase.REST
     np.testing.assert_allclose(voltage[rest], voltage[[0, 0, 0]], atol=1e-6)
     up, down = SHORT.phase == Phase.LOADING, SHORT.phase == Phase.UNLOADING
@@ -78,11 +78,11 @@ def test_a_plain_skin_repeats_itself_and_remembers_nothing(plain: tuple[np.ndarr
 
 
 @pytest.mark.parametrize("name", EFFECTS)
-def test_every_effect_shows_and_fades_with_its_strength(name: str, plain: tuple[np.ndarray, np.ndarray]):
+def test_every_effect_shows_and_fades_with_its_strength(name: str, bare_run: tuple[np.ndarray, np.ndarray]):
     """The signal moves, and clearly less at a quarter of the strength. A spot is put where it is pressed."""
     local = {"torn_patch", "delaminated_spot"}
     history = presses(SENSOR.taxel_m[[9]], np.array([1e-3, 3e-3]), holds=1) if name in local else SHORT
-    bare = run(draw_truth(SENSOR, 1), history) if name in local else plain
+    bare = run(draw_truth(SENSOR, 1), history) if name in local else bare_run
     change = []
     for strength in (1.5, 6.0) if name == "frozen_channel" else (0.25, 1.0):
         truth = draw_truth(SENSOR, 1, {name: strength})
@@ -175,15 +175,15 @@ def test_a_seal_that_was_tampered_with_is_not_opened(tmp_path: Path):
         unseal(tmp_path / "y.h5", tmp_path / "s")
 
 
-def test_live_skin_agrees_with_the_recorded_one(plain: tuple[np.ndarray, np.ndarray]):
+def test_live_skin_agrees_with_the_recorded_one(bare_run: tuple[np.ndarray, np.ndarray]):
     live = LiveSkin(draw_truth(SENSOR, 1, noise=SILENT), resolution=FAST)
     assert live.advance(1.0, None, 0.0) == 0.0
-    np.testing.assert_allclose(live.scan(1.0), plain[0][0], atol=2e-4)
+    np.testing.assert_allclose(live.scan(1.0), bare_run[0][0], atol=2e-4)
     force = live.advance(2.0, SENSOR.taxel_m[7], 3e-3)
-    assert force == pytest.approx(plain[1][2, 0], rel=1e-6)
-    np.testing.assert_allclose(live.scan(2.0), plain[0][2], atol=2e-4)
+    assert force == pytest.approx(bare_run[1][2, 0], rel=1e-6)
+    np.testing.assert_allclose(live.scan(2.0), bare_run[0][2], atol=2e-4)
     assert live.advance(3.0, SENSOR.taxel_m[7], -1e-3) == 0.0
-    np.testing.assert_allclose(live.scan(3.0), plain[0][0], atol=2e-4)
+    np.testing.assert_allclose(live.scan(3.0), bare_run[0][0], atol=2e-4)
 
 
 def test_weights_laid_live_weigh_as_in_a_recorded_run():
@@ -213,9 +213,9 @@ def test_only_the_scan_after_a_step_is_skewed():
     live = LiveSkin(draw_truth(SENSOR, 1, {"scan_skew": 1.0}, SILENT), resolution=FAST)
     live.advance(1.0, SENSOR.taxel_m[7], 1e-3)
     live.advance(1.5, SENSOR.taxel_m[7], 2e-3)
-    gliding, standing, again = (live.scan(time_s) for time_s in (1.5, 2.0, 2.5))
-    assert np.abs(gliding - standing).max() > 1e-3
-    np.testing.assert_allclose(again, standing, atol=2e-4)
+    gliding, resting, again = (live.scan(time_s) for time_s in (1.5, 2.0, 2.5))
+    assert np.abs(gliding - resting).max() > 1e-3
+    np.testing.assert_allclose(again, resting, atol=2e-4)
 
 
 def test_the_ruler_finds_the_strength_for_a_ratio():

@@ -61,10 +61,10 @@ def test_oblique_grain_in_a_strip_conducts_as_the_inverse_of_its_resistivity():
     turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
     tensor = turn @ np.diag([1.3, 1 / 1.3]) @ turn.T / SHEET_OHM
     grain = np.array([tensor[0, 0], tensor[1, 1], tensor[0, 1]])
-    plain = np.full(sheet.points_m.shape[:2], 1.0)
-    whole = pair_resistances(sheet.factor(plain[..., None] * grain, contact).transfer_ohm)[0]
-    lengthwise = pair_resistances(sheet.factor(plain * tensor[0, 0], contact).transfer_ohm)[0]
-    across_free = pair_resistances(sheet.factor(plain / np.linalg.inv(tensor)[0, 0], contact).transfer_ohm)[0]
+    ones = np.full(sheet.points_m.shape[:2], 1.0)
+    whole = pair_resistances(sheet.factor(ones[..., None] * grain, contact).transfer_ohm)[0]
+    lengthwise = pair_resistances(sheet.factor(ones * tensor[0, 0], contact).transfer_ohm)[0]
+    across_free = pair_resistances(sheet.factor(ones / np.linalg.inv(tensor)[0, 0], contact).transfer_ohm)[0]
     assert lengthwise < whole < across_free
 
 

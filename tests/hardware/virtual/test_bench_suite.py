@@ -93,8 +93,8 @@ def test_places_electrodes_and_intervals_are_held_to_the_truth(tmp_path: Path):
     right["effects"][0]["parameters"] = {"gain": claim}
     hide(tmp_path, "c0", "single", {"channel_gain": 1.0}, right)
     spot = draw_truth(nominal_sensor(), 7, {"torn_patch": 1.0}).effects["torn_patch"]["parameters"]["center_m"]
-    beside = {"verdict": "unexplained", "where": {"position_m": [spot[0] + 3e-3, spot[1] + 4e-3]}}
-    hide(tmp_path, "c1", "unlisted", {"torn_patch": 1.0}, beside)
+    near = {"verdict": "unexplained", "where": {"position_m": [spot[0] + 3e-3, spot[1] + 4e-3]}}
+    hide(tmp_path, "c1", "unlisted", {"torn_patch": 1.0}, near)
     cases = [case for case in (open_case(f"c{number}", tmp_path, "ours") for number in range(2)) if case]
     result = score(cases, 2)
     assert result["electrode"]["f1"] == 1.0
@@ -108,9 +108,9 @@ def test_the_right_name_at_the_wrong_channel_is_wrong(tmp_path: Path):
     from verdicts import open_case
 
     channel = draw_truth(nominal_sensor(), 7, {"channel_gain": 1.0}).effects["channel_gain"]["parameters"]["channel"]
-    beside = named(("channel_gain", 0.95))
-    beside["effects"][0]["parameters"] = {"channel": {"value": (channel + 1) % 24}}
-    hide(tmp_path, "c0", "single", {"channel_gain": 1.0}, beside)
+    near = named(("channel_gain", 0.95))
+    near["effects"][0]["parameters"] = {"channel": {"value": (channel + 1) % 24}}
+    hide(tmp_path, "c0", "single", {"channel_gain": 1.0}, near)
     result = score([open_case("c0", tmp_path, "ours")], 1)
     assert result["confident_wrong"] == {"c0": ["channel_gain"]}
     assert result["top_one"]["1.3 to 2"]["share"] == 0.0
@@ -190,6 +190,6 @@ def test_a_method_is_run_once_for_each_recording(tmp_path: Path):
 
     hide(tmp_path, "c0", "null", {}, None)
     method = Method.parse("echo=bash -c 'echo {recording} > {out}/diagnosis.json'")
-    here = cluster_of("local", "workers=1")
-    assert list(diagnose_all([method], ["c0"], tmp_path, here)) == ["echo c0: diagnosed"]
-    assert list(diagnose_all([method], ["c0"], tmp_path, here)) == []
+    cluster = cluster_of("local", "workers=1")
+    assert list(diagnose_all([method], ["c0"], tmp_path, cluster)) == ["echo c0: diagnosed"]
+    assert list(diagnose_all([method], ["c0"], tmp_path, cluster)) == []

@@ -83,10 +83,10 @@ def test_a_wrong_electrode_is_weighted_out(sheet: SheetModel, protocol: Protocol
     reads_only = ~(pairs == 5).any(axis=1)
     wrong[reads_only, 5] += 0.05
     posed = problem(sheet, protocol, wrong, guess_ohm=300.0)
-    plain, bent = gauss_newton(posed), robust(posed)
+    least_squares, bent = gauss_newton(posed), robust(posed)
     others = np.arange(8) != 5
     assert np.abs(bent.contact_resistance_ohm - CONTACT)[others].max() < 3.0
-    assert np.abs(plain.contact_resistance_ohm - CONTACT)[others].max() > 10.0
+    assert np.abs(least_squares.contact_resistance_ohm - CONTACT)[others].max() > 10.0
     weight = robust_weights(posed, bent)
     assert weight[reads_only, 5].max() < 0.01
     assert np.median(weight) > 0.8

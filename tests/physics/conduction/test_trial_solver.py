@@ -108,12 +108,14 @@ def test_trials_agree_with_the_fine_mesh(fine: PressedSheet, solver: TrialSolver
 
 def test_near_pairs_leave_little() -> None:
     fine, levels = pressed(FINE, 0.0, Levelling()), [Level(0.0, pressed(COARSE, 1e-3, Levelling()))]
-    plain = TrialSolver(fine, levels, PLACES, 10.0)
+    without = TrialSolver(fine, levels, PLACES, 10.0)
     near = TrialSolver(fine, levels, PLACES, 10.0, near_m=0.02)
     for contacts in (2, 3):
         contact, force = random_presses(20, contacts, 5)
         exact, got = fine.pair_resistances(contact, force), near.pair_resistances(contact, force)
-        before, after = (np.linalg.norm(error_v(each, exact)) for each in (plain.pair_resistances(contact, force), got))
+        before, after = (
+            np.linalg.norm(error_v(each, exact)) for each in (without.pair_resistances(contact, force), got)
+        )
         assert after < 0.25 * before
         np.testing.assert_array_equal(near.pair_resistances(contact[7:], force[7:]), got[7:])
         np.testing.assert_allclose(near.pair_resistances(contact[:, ::-1], force[:, ::-1]), got, rtol=1e-12)

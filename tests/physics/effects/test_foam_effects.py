@@ -58,18 +58,18 @@ def test_stiffening_solves_the_series_exactly() -> None:
 def test_viscoelastic_force_relaxes_to_the_elastic_one() -> None:
     history = presses(1, hold_s=500.0)
     force = foam_force_n(history, PAD, SUPPORT, FOAM_M, [ViscoelasticFoam(fraction=0.3, time_s=5.0)])[:, 0]
-    plain = foam_force_n(history, PAD, SUPPORT, FOAM_M)[:, 0]
-    assert force[8] > 1.05 * plain[8]
-    assert force[9] == pytest.approx(plain[9], rel=1e-3)
+    elastic = foam_force_n(history, PAD, SUPPORT, FOAM_M)[:, 0]
+    assert force[8] > 1.05 * elastic[8]
+    assert force[9] == pytest.approx(elastic[9], rel=1e-3)
     assert force.min() >= 0
 
 
 def test_hysteresis_unloads_below_loading_and_closes() -> None:
     history = presses(1)
     force = foam_force_n(history, PAD, np.inf, FOAM_M, [FoamHysteresis(loss=0.1, reversal=0.1)])[:, 0]
-    plain = foam_force_n(history, PAD, np.inf, FOAM_M)[:, 0]
-    np.testing.assert_allclose(force[1:9], 1.1 * plain[1:9], rtol=1e-5)
-    np.testing.assert_allclose(force[11:], 0.9 * plain[11:], rtol=1e-5)
+    elastic = foam_force_n(history, PAD, np.inf, FOAM_M)[:, 0]
+    np.testing.assert_allclose(force[1:9], 1.1 * elastic[1:9], rtol=1e-5)
+    np.testing.assert_allclose(force[11:], 0.9 * elastic[11:], rtol=1e-5)
 
 
 def test_first_press_of_a_place_is_stiffer() -> None:

@@ -56,10 +56,10 @@ def test_creep_that_multiplies_loses_its_fraction_of_the_logarithm_of_resistance
     law = PiezoPolynomial(np.array([0.6, -0.4]), 6e4, 2e4)
     creep = PiezoCreep(fraction=0.3, time_s=7.0, half_pa=5e3, multiplies=True)
     pressure, time_s = np.array([[0.0], [1e4], [1e4]]), np.array([0.0, 1e-9, 7.0])
-    plain = fabric_ohm_sq(law, (), pressure, NOWHERE, time_s, EXTENT)
+    uncrept = fabric_ohm_sq(law, (), pressure, NOWHERE, time_s, EXTENT)
     crept = fabric_ohm_sq(law, (creep,), pressure, NOWHERE, time_s, EXTENT)
     contact = 1 - 0.5**2
-    np.testing.assert_allclose(np.log(crept / plain)[:, 0], [0.0, 0.0, -0.3 * contact * (1 - np.exp(-1))], atol=1e-6)
+    np.testing.assert_allclose(np.log(crept / uncrept)[:, 0], [0.0, 0.0, -0.3 * contact * (1 - np.exp(-1))], atol=1e-6)
     np.testing.assert_array_equal(
         crept[[2]], fabric_ohm_sq(law, (creep,), pressure, NOWHERE, time_s, EXTENT, np.array([2]))
     )
@@ -76,10 +76,10 @@ def test_what_creeps_may_be_a_power_of_resistance_and_gaps_may_be_uneven(power: 
     crept = 0.3 * (1e4 / (1e4 + 5e3)) * (1 - np.exp(-1))
     assert factor[-1, 0] == pytest.approx(left(crept), rel=1e-5)
     few = PiezoCreep(fraction=0.3, half_pa=5e3, unevenness=1e-5, power=power, multiplies=True)
-    plain = PiezoCreep(fraction=0.3, half_pa=5e3, power=power, multiplies=True)
+    even = PiezoCreep(fraction=0.3, half_pa=5e3, power=power, multiplies=True)
     np.testing.assert_allclose(
         few.resistance_factor(pressure, NOWHERE, time_s, EXTENT),
-        plain.resistance_factor(pressure, NOWHERE, time_s, EXTENT),
+        even.resistance_factor(pressure, NOWHERE, time_s, EXTENT),
         rtol=1e-5,
     )
 

@@ -43,8 +43,8 @@ def test_it_overshoots_where_it_may_but_never_leaves_the_surface(history: Histor
 @pytest.mark.parametrize("ease", [0.3, 1.0])
 def test_easing_keeps_the_way_and_starts_and_ends_more_slowly(ease: float, history: History) -> None:
     moments_s = np.linspace(0.0, SCAN_S, 401)
-    plain, eased = (ScanSkew(1e-3, 0.5 * SCAN_S, e).depth_m(history, moments_s)[1, :, 0] for e in (0.0, ease))
-    np.testing.assert_allclose(eased[[0, 200, 400]], plain[[0, 200, 400]])
+    uneased, eased = (ScanSkew(1e-3, 0.5 * SCAN_S, e).depth_m(history, moments_s)[1, :, 0] for e in (0.0, ease))
+    np.testing.assert_allclose(eased[[0, 200, 400]], uneased[[0, 200, 400]])
     speed = np.diff(eased) / np.diff(moments_s)
     assert speed[0] == pytest.approx((1 - ease) * 1e-3, abs=1e-5)
     assert speed[200] == pytest.approx((1 + 0.5 * ease) * 1e-3, rel=1e-3)
