@@ -137,7 +137,7 @@ def _reporting(run: Callable[[DictConfig], Any]) -> Callable[[DictConfig], Any]:
         from hydra.types import RunMode
 
         # An experiment's file may ask for a sweep as well as a flag.
-        wrap = _told_at_once if HydraConfig.get().mode == RunMode.MULTIRUN else _escaping
+        wrap = _reporting_at_once if HydraConfig.get().mode == RunMode.MULTIRUN else _escaping
         return wrap(run)(config)
 
     return task
@@ -154,7 +154,7 @@ def _escaping(run: Callable[[DictConfig], Any]) -> Callable[[DictConfig], Any]:
     return task
 
 
-def _told_at_once(run: Callable[[DictConfig], Any]) -> Callable[[DictConfig], Any]:
+def _reporting_at_once(run: Callable[[DictConfig], Any]) -> Callable[[DictConfig], Any]:
     """A sweep's job: Hydra keeps a failure to itself until every other job is through, so it is said here."""
 
     @functools.wraps(run)

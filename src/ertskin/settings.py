@@ -64,8 +64,8 @@ def check_limits(value: Any, limits: Mapping[str, Any], name: str) -> None:
     words = {"above": "above {}", "least": "at least {}", "most": "at most {}", "one_of": "one of {}"}
     for limit, bound in limits.items():
         if wrong[limit](bound):
-            told = ", ".join(bound) if limit == "one_of" else bound
-            raise UserError(f"{name} must be {words[limit].format(told)}, not {value}")
+            allowed = ", ".join(bound) if limit == "one_of" else bound
+            raise UserError(f"{name} must be {words[limit].format(allowed)}, not {value}")
     if isinstance(value, float) and not math.isfinite(value):
         raise UserError(f"{name} must be finite, not {value}")
 

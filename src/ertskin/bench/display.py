@@ -15,7 +15,7 @@ from ertskin.physics.history import Phase
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from ertskin.hardware.experiment import Progress as Standing
+    from ertskin.hardware.experiment import Progress as RecordingProgress
 
 
 def print_plan(console: Console, plan: Plan) -> None:
@@ -29,8 +29,8 @@ def print_plan(console: Console, plan: Plan) -> None:
         phases = Counter({Phase.REST: press.rest_frames})
         for step in press.steps:
             phases[step.phase] += step.frames
-        told = ", ".join(f"{count} {phase.name.lower()}" for phase, count in phases.items() if count)
-        table.add_row(numbers, places, depth, str(press.frames), told)
+        by_phase = ", ".join(f"{count} {phase.name.lower()}" for phase, count in phases.items() if count)
+        table.add_row(numbers, places, depth, str(press.frames), by_phase)
     console.print(table)
     seconds = plan.duration_s()
     took = f"{seconds:.0f} s" if seconds < 120 else f"{seconds / 60:.0f} min"
@@ -87,22 +87,22 @@ class Display:
 
         return asked
 
-    def show(self, standing: Standing) -> None:
+    def show(self, progress: RecordingProgress) -> None:
         """Take notice of a frame."""
-        sound = standing.soundness
+        sound = progress.soundness
         noise = f"{1e3 * sound.noise_v:.2f}" if sound.noise_v > 0 else "-"
         checks = f"noise {noise} mV, reciprocity {100 * sound.reciprocity_defect:.2g} %"
         if sound.saturated:
             checks += f", [red]{100 * sound.saturated:.2g} % saturated[/red]"
-        depth = "-" if standing.depth_m != standing.depth_m else f"{1e3 * standing.depth_m:.1f} mm"
-        text = f"press {min(standing.press + 1, standing.presses)}/{standing.presses} {standing.phase.name.lower()} "
-        text += f"{depth} {standing.force_n:.2f} N · {checks}"
-        self._bar.update(self._task, completed=standing.frame, description=text)
-        begun = standing.press != self._press and standing.press < standing.presses
-        if begun and not self._console.is_terminal and standing.press % max(1, standing.presses // LINES) == 0:
+        depth = "-" if progress.depth_m != progress.depth_m else f"{1e3 * progress.depth_m:.1f} mm"
+        text = f"press {min(progress.press + 1, progress.presses)}/{progress.presses} {progress.phase.name.lower()} "
+        text += f"{depth} {progress.force_n:.2f} N · {checks}"
+        self._bar.update(self._task, completed=progress.frame, description=text)
+        begun = progress.press != self._press and progress.press < progress.presses
+        if begun and not self._console.is_terminal and progress.press % max(1, progress.presses // LINES) == 0:
             self._console.print(
-                f"{self._name}: press {standing.press + 1}/{standing.presses}  frame {standing.frame}  {checks}",
+                f"{self._name}: press {progress.press + 1}/{progress.presses}  frame {progress.frame}  {checks}",
                 highlight=False,
                 soft_wrap=True,
             )
-        self._press = standing.press
+        self._press = progress.press

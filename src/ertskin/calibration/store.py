@@ -22,7 +22,7 @@ _NUMBERS = ("sheet_resistance_ohm_sq", "contact_resistance_guess_ohm", "indenter
 
 def save_calibration(path: Path, calibration: Calibration) -> None:
     """Write ``calibration`` aside and rename it into place."""
-    write_whole(path, yaml.safe_dump(_plain(calibration), sort_keys=False, width=110))
+    write_whole(path, yaml.safe_dump(_as_builtins(calibration), sort_keys=False, width=110))
 
 
 def load_calibration(path: Path) -> Calibration:
@@ -43,7 +43,7 @@ def load_calibration(path: Path) -> Calibration:
         raise UserError(f"{path}: {type(error).__name__.removesuffix('Error').lower()} error at {error}") from None
 
 
-def _plain(calibration: Calibration) -> dict[str, Any]:
+def _as_builtins(calibration: Calibration) -> dict[str, Any]:
     law = calibration.law
     return {
         "format": FORMAT,
@@ -62,11 +62,11 @@ def _plain(calibration: Calibration) -> dict[str, Any]:
         },
         "foam_modulus_pa": _number(calibration.foam_modulus_pa),
         "notes": {name: float(value) for name, value in calibration.notes.items()},
-        "sensor": None if calibration.sensor is None else _plain_sensor(calibration.sensor),
+        "sensor": None if calibration.sensor is None else _sensor_as_builtins(calibration.sensor),
     }
 
 
-def _plain_sensor(sensor: Sensor) -> dict[str, Any]:
+def _sensor_as_builtins(sensor: Sensor) -> dict[str, Any]:
     numbers = {name: float(getattr(sensor, name)) for name in _NUMBERS}
     layers = [
         {

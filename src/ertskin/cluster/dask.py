@@ -83,8 +83,8 @@ class DaskCluster:
             cluster.scale(jobs=self.workers)
         else:
             memory = 1.0 / self.workers
-            here = {"threads_per_worker": 1, "memory_limit": memory, "host": "127.0.0.1", "dashboard_address": None}
-            cluster = stack.enter_context(LocalCluster(n_workers=0, **here))
+            local = {"threads_per_worker": 1, "memory_limit": memory, "host": "127.0.0.1", "dashboard_address": None}
+            cluster = stack.enter_context(LocalCluster(n_workers=0, **local))
             cluster.scale(self.workers)
         return stack.enter_context(Client(cluster))
 

@@ -185,9 +185,9 @@ def _swept(config: DictConfig, models: list[str], choices: list[str]) -> list[st
     return [f"model={','.join(models)}", seeds, *([f"effects={','.join(choices)}"] if choices else [])]
 
 
-def _evaluate(config: DictConfig, recording: str, told: list[str], settings: list[str]) -> None:
-    beside = [f"yardsticks=[{','.join(config.yardsticks)}]", f"yardstick_seeds={config.yardstick_seeds}"]
-    run_step(["evaluate", recording, *told, *beside, *_accepted("evaluate", settings)])
+def _evaluate(config: DictConfig, recording: str, given: list[str], settings: list[str]) -> None:
+    yardsticks = [f"yardsticks=[{','.join(config.yardsticks)}]", f"yardstick_seeds={config.yardstick_seeds}"]
+    run_step(["evaluate", recording, *given, *yardsticks, *_accepted("evaluate", settings)])
 
 
 def _simulated_with(effects: str | None) -> list[str]:

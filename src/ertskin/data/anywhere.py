@@ -19,7 +19,7 @@ from ertskin.data.grid import grid_m
 from ertskin.data.local_discrepancy import LocalDiscrepancy, modes, unknown_error
 from ertskin.data.material import Material
 from ertskin.data.noise import Evidence
-from ertskin.data.simulated import plain, rising
+from ertskin.data.simulated import as_builtins, rising
 from ertskin.data.skin_forward import SkinForward, skin_of
 from ertskin.data.touch_model import TouchModel
 from ertskin.data.touch_table import TablePlan, touch_table
@@ -107,7 +107,7 @@ def _tabulated(
         raise UserError(f"{config.recording}: has no /protocol, so its readings can't be simulated")
     calibration, checksum = ready_calibration(config, recording)
     largest_n = plan.max_force_n or largest_force_n(touches)
-    forward = SkinForward(calibration, recording.protocol, plain(config.effects), config.physics.resolution)
+    forward = SkinForward(calibration, recording.protocol, as_builtins(config.effects), config.physics.resolution)
     request = {"calibration": checksum, "effects": forward.effects, "resolution": forward.resolution}
     tabled = checked(TablePlan, config.data.table, "data.table")
     with counting("tabulating the response") as progress:
@@ -159,12 +159,12 @@ def simulated_ohm(
     """(M,P) changes of the pair resistances in the trials ``wanted`` (M,), each contact's response as wrong as it may
     be: drawn for all trials, so that one is the same whichever others are wanted."""
     rng = np.random.default_rng(np.random.SeedSequence([seed, 6]))
-    there = np.isfinite(force_n)
+    present = np.isfinite(force_n)
     draw = np.zeros((*force_n.shape, 3))
-    draw[there] = rng.standard_normal((int(there.sum()), 3)) * model.error.shape_spread
+    draw[present] = rng.standard_normal((int(present.sum()), 3)) * model.error.shape_spread
     contact_m, force_n, draw = contact_m[wanted], force_n[wanted], draw[wanted]
     change = model.table.change(contact_m, force_n)
-    rows, slots = np.nonzero(there[wanted])
+    rows, slots = np.nonzero(present[wanted])
     for some in np.array_split(np.arange(len(rows)), max(1, len(rows) // 2000)):
         row, slot = rows[some], slots[some]
         wrong = modes(model.table, contact_m[row, slot], force_n[row, slot])[:, 3:]

@@ -55,14 +55,14 @@ class PressForward:
         return {**self.__dict__, "_spots": {}, "_rest": None}
 
     def _pressed(self, place_m: Array, force_n: Array) -> Solution:
-        there = np.isfinite(place_m).all(axis=-1) & (np.nan_to_num(force_n) > 0)  # a cell in air reads a force too
-        if not there.any():
+        touching = np.isfinite(place_m).all(axis=-1) & (np.nan_to_num(force_n) > 0)  # a cell in air reads a force too
+        if not touching.any():
             return self.rest
-        elements, pressure = self._pressure_pa(place_m[there], force_n[there])
+        elements, pressure = self._pressure_pa(place_m[touching], force_n[touching])
         conductance, model = self._pressed_conductance_s(elements, pressure), self.skin.sheet
         contacts = self.rest.contact_resistance_ohm
         if self._contacts_respond:
-            contacts = self._contacts_ohm(place_m[None], np.where(there, force_n, np.nan)[None])
+            contacts = self._contacts_ohm(place_m[None], np.where(touching, force_n, np.nan)[None])
         if np.array_equal(contacts, self.rest.contact_resistance_ohm):
             return model.solve_part(elements, conductance, self.rest)
         sheet = self.rest.conductivity_s.copy()

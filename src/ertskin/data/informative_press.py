@@ -131,8 +131,8 @@ class PressDesign:
             some = slice(c * len(force), (c + 1) * len(force))
             places = np.tile(place, (len(force), 1))
             within = between(places, force, places, force) + process.scatter - to_new[:, some].T @ known[:, some]
-            told = np.linalg.solve(within + np.diag(new_noise[c]), across[:, c].T)
-            rows.append(now - np.einsum("jf,fj->j", across[:, c], told))
+            weights = np.linalg.solve(within + np.diag(new_noise[c]), across[:, c].T)
+            rows.append(now - np.einsum("jf,fj->j", across[:, c], weights))
         return np.maximum(np.stack(rows), 0.0)
 
 

@@ -88,7 +88,7 @@ def simulated_trials(config: DictConfig, recording: Recording) -> SimulatedTrial
     taxel_m = grid_m(config.grid, calibration.known_sensor)
     # Presses that land beside their taxels are all at places of their own: nothing to put them together from.
     places_m = taxel_m if plan.jitter_m == 0 else None
-    effects = plain(config.effects)
+    effects = as_builtins(config.effects)
     asked = plan.trials + plan.denoiser_trials
     forward = SkinForward(
         calibration, recording.protocol, effects, config.physics.resolution, places_m, plan.max_force_n, asked
@@ -103,7 +103,7 @@ def simulated_trials(config: DictConfig, recording: Recording) -> SimulatedTrial
     return SimulatedTrials(network, denoiser, forward, checksum, folder)
 
 
-def plain(config: DictConfig) -> dict[str, Any]:
+def as_builtins(config: DictConfig) -> dict[str, Any]:
     """A config as plain data."""
     return dict(OmegaConf.to_container(config, resolve=True))  # type: ignore[arg-type]
 

@@ -45,12 +45,12 @@ class ContactOutcome:
         """(M,) frame, true slot and said slot of the contacts that belong together: least total distance."""
         frames, trues, saids = [], [], []
         for frame in range(len(self.true_n)):
-            there = np.flatnonzero(np.isfinite(self.true_m[frame]).all(axis=-1))
+            present = np.flatnonzero(np.isfinite(self.true_m[frame]).all(axis=-1))
             said = np.flatnonzero(np.isfinite(self.said_n[frame]))
-            away = np.linalg.norm(self.true_m[frame][there][:, None] - self.said_m[frame][said], axis=-1)
+            away = np.linalg.norm(self.true_m[frame][present][:, None] - self.said_m[frame][said], axis=-1)
             a, b = linear_sum_assignment(away)
             frames.append(np.full(len(a), frame))
-            trues.append(there[a])
+            trues.append(present[a])
             saids.append(said[b])
         return tuple(np.concatenate(part).astype(np.intp) for part in (frames, trues, saids))  # type: ignore[return-value]
 
@@ -86,6 +86,6 @@ def contacts_said(estimate: Estimate, taxel_m: Array) -> tuple[Array, Array]:
         return estimate.contact_m, estimate.contact_force_n
     most = max(1, int(estimate.present.sum(axis=1).max(initial=0)))
     order = np.argsort(~estimate.present, axis=1, kind="stable")[:, :most]
-    there = np.take_along_axis(estimate.present, order, axis=1)
+    present = np.take_along_axis(estimate.present, order, axis=1)
     force = np.take_along_axis(estimate.force_map_n, order, axis=1)
-    return np.where(there[..., None], taxel_m[order], np.nan), np.where(there, force, np.nan)
+    return np.where(present[..., None], taxel_m[order], np.nan), np.where(present, force, np.nan)

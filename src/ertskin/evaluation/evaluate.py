@@ -71,8 +71,8 @@ def evaluate(config: DictConfig, files: EvaluatedRecordings, say: Say = lambda l
     compared = grids(config, models, ready_calibration(config, files.training)[0].known_sensor)
     groups = {name: group for grid in compared for name, group in grid.groups.items()}
     for grid in compared if len(on_taxels) > 1 else ():
-        judged, told, checksums[grid.name] = _on_taxels(grid, on_taxels, say)
-        methods, remarks = methods + judged, remarks + told
+        judged, noted, checksums[grid.name] = _on_taxels(grid, on_taxels, say)
+        methods, remarks = methods + judged, remarks + noted
     if ANYWHERE_ROLE in recordings:
         anywhere, more = evaluate_anywhere(config, files.training, recordings[ANYWHERE_ROLE], groups, say)
         methods, remarks = merged(methods, anywhere), remarks + more
@@ -145,8 +145,10 @@ def _on_taxels(grid: Grid, recordings: dict[str, Recording], say: Say) -> tuple[
             methods.append(network_result(name, trained, as_seen))
     forward = _corrected(config, recordings["training"], material, simulation)
     seeds = range(int(config.yardstick_seeds))
-    beside = yardsticks(list(config.yardsticks), material, forward, lambda: _at_rest(simulation), frames, seeds, say)
-    methods += [replace(method, name=f"{method.name} {grid.name}".rstrip()) for method in beside]
+    yardstick_results = yardsticks(
+        list(config.yardsticks), material, forward, lambda: _at_rest(simulation), frames, seeds, say
+    )
+    methods += [replace(method, name=f"{method.name} {grid.name}".rstrip()) for method in yardstick_results]
     return [replace(method, grid=grid.name) for method in methods], remarks, material.checksum
 
 

@@ -57,7 +57,7 @@ def tuned_threshold_n(true_map_n: Array, predicted_map_n: Array, candidates: int
     return float(thresholds[best[len(best) // 2]])
 
 
-def as_plain(scores: dict[str, Score]) -> dict[str, dict[str, object]]:
+def as_builtins(scores: dict[str, Score]) -> dict[str, dict[str, object]]:
     """Scores as values JSON can hold: ``value``, ``taxel_mean``, ``taxel_spread``, ``per_taxel``; NaN becomes None."""
 
     def known(value: float) -> float | None:

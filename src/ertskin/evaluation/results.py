@@ -15,7 +15,7 @@ import numpy as np
 from ertskin.evaluation.contact_outcome import ContactOutcome
 from ertskin.evaluation.metrics import Score
 from ertskin.evaluation.outcome import Array, Outcome
-from ertskin.evaluation.predictions import as_plain
+from ertskin.evaluation.predictions import as_builtins
 from ertskin.files import write_whole
 
 Kind = Literal["network", "yardstick", "bound"]
@@ -68,9 +68,9 @@ class MethodResult:
         """(n,) mean over the seeds; NaN where no frame touched the taxel."""
         return np.mean([run.scores[metric].per_taxel for run in self.runs if metric in run.scores], axis=0)
 
-    def plain(self) -> dict[str, Any]:
+    def as_builtins(self) -> dict[str, Any]:
         """As values JSON can hold."""
-        seeds = [{"seed": run.seed, "metrics": as_plain(run.scores)} for run in self.runs]
+        seeds = [{"seed": run.seed, "metrics": as_builtins(run.scores)} for run in self.runs]
         grid = {"grid": self.grid} if self.grid else {}
         return {"name": self.name, "kind": self.kind, "note": self.note, **grid, "seeds": seeds}
 
@@ -90,7 +90,7 @@ def write_results(folder: Path, methods: Sequence[MethodResult], about: dict[str
         "format_version": FORMAT_VERSION,
         "about": about,
         "paper": {name: {"value": value, "spread": spread} for name, (value, spread) in PAPER.items()},
-        "methods": [method.plain() for method in methods],
+        "methods": [method.as_builtins() for method in methods],
     }
     as_json, as_csv = folder / "evaluation.json", folder / "evaluation.csv"
     write_whole(as_json, json.dumps(content, indent=1))

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ertskin.evaluation.outcome import Outcome
-from ertskin.evaluation.predictions import as_plain
+from ertskin.evaluation.predictions import as_builtins
 from ertskin.evaluation.results import MethodResult, SeedResult
 from ertskin.report.figures.style import MAGNITUDE_MAP
 from ertskin.report.figures.taxel_map import taxel_map
@@ -57,7 +57,7 @@ def _log(run: Run, result: SeedResult, tests: Sequence[DatasetInfo], drawn: Outc
     for data in tests:
         run.dataset(data)
     run.metrics({f"test_{name}": score.value for name, score in result.scores.items() if np.isfinite(score.value)})
-    run.table(as_plain(result.scores), "test/per_taxel.json")
+    run.table(as_builtins(result.scores), "test/per_taxel.json")
     if drawn is not None:
         _draw(run, result, drawn)
     run.flush()

@@ -81,16 +81,16 @@ def grouped(models: Sequence[Reconstruction]) -> dict[str, Group]:
 
 def without_and_with(groups: Mapping[str, Group]) -> list[tuple[str, str]]:
     """Pairs of names of ``grouped`` that differ in the effects alone: simulated without any, and with some."""
-    plain: dict[str, str] = {}
+    without: dict[str, str] = {}
     for name, seeds in groups.items():
         model = next(iter(seeds.values()))
         if not _effects(model):
-            plain[_kind(model)] = name
+            without[_kind(model)] = name
     found = []
     for name, seeds in groups.items():
         model = next(iter(seeds.values()))
-        if _effects(model) and _kind(model) in plain:
-            found.append((plain[_kind(model)], name))
+        if _effects(model) and _kind(model) in without:
+            found.append((without[_kind(model)], name))
     return found
 
 

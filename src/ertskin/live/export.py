@@ -97,9 +97,9 @@ def export_onnx(reconstruction: Reconstruction, path: Path) -> None:
     """Write the reconstruction to ``path``; raises ``UserError`` for a network that can't be exported."""
     protocol, network = reconstruction.protocol, reconstruction.network
     # Taken before the graph is made in single precision: what decides stays as exact as in training.
-    beside = {} if reconstruction.monitor is None else reconstruction.monitor.held()
+    arrays = {} if reconstruction.monitor is None else reconstruction.monitor.held()
     if isinstance(network, ContactsNetwork):
-        beside |= network.held() | {"least_force_n": network.least_force_n, "most": network.most}
+        arrays |= network.held() | {"least_force_n": network.least_force_n, "most": network.most}
     module = _module(reconstruction).eval().float()
     frames = [torch.zeros(1, protocol.shape[0] * protocol.shape[1])]
     inputs = [INPUT]
@@ -129,7 +129,7 @@ def export_onnx(reconstruction: Reconstruction, path: Path) -> None:
             | {name: {0: "frames"} for name in outputs},
         )
     _describe(aside, _about(reconstruction))
-    _write_beside(path.with_suffix(TABLE_SUFFIX), beside)
+    _write_arrays(path.with_suffix(TABLE_SUFFIX), arrays)
     os.replace(aside, path)
 
 
@@ -168,7 +168,7 @@ def _about(reconstruction: Reconstruction) -> dict[str, Any]:
     }
 
 
-def _write_beside(path: Path, held: dict[str, Any]) -> None:
+def _write_arrays(path: Path, held: dict[str, Any]) -> None:
     """What the graph can't hold: the monitor, and the forward model that decides what it proposes."""
     if not held:
         return

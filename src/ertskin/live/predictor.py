@@ -59,7 +59,7 @@ class Predictor:
         numbers = {given.name: int(given.shape[-1]) for given in self._session.get_overridable_initializers()}
         self.reads_coordinates = COORDINATES in numbers
         """Whether it can ``estimate_coordinates``: a network that reads more than those can't."""
-        held = _held_beside(path)
+        held = _held_arrays(path)
         self.monitor = SkinMonitor.of(held)
         self._posterior = _posterior(path, held) if self.kind.kind == "contacts" else None
         self._whitening: Array | None = None
@@ -121,12 +121,12 @@ class Predictor:
         return Estimate(present * force, present)
 
 
-def _held_beside(path: Path) -> dict[str, Any]:
+def _held_arrays(path: Path) -> dict[str, Any]:
     """The arrays exported with a network: its monitor's, and the forward model of one that proposes contacts."""
-    beside = path.with_suffix(TABLE_SUFFIX)
-    if not beside.is_file():
+    table = path.with_suffix(TABLE_SUFFIX)
+    if not table.is_file():
         return {}
-    with np.load(beside, allow_pickle=False) as held:
+    with np.load(table, allow_pickle=False) as held:
         return dict(held)
 
 

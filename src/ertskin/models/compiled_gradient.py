@@ -229,14 +229,14 @@ def _compared(locates: bool, result: Values, touched: Values, force_n: Values) -
     loss, share = 0.0, np.float32(1 / result.size)
     for n in range(len(result)):
         for o in range(result.shape[1]):
-            value, here = result[n, o], touched[n, o]
+            value, target = result[n, o], touched[n, o]
             if locates:
                 small = np.exp(-np.abs(value))
-                loss += max(value, np.float32(0)) - value * here + np.log1p(small)
+                loss += max(value, np.float32(0)) - value * target + np.log1p(small)
                 chance = (np.float32(1) if value >= 0 else small) / (np.float32(1) + small)
-                result[n, o] = share * (chance - here)
+                result[n, o] = share * (chance - target)
             else:
-                wrong = here * (max(value, np.float32(0)) - force_n[n, o])
+                wrong = target * (max(value, np.float32(0)) - force_n[n, o])
                 loss += wrong * wrong
-                result[n, o] = np.float32(2) * share * here * wrong if value > 0 else np.float32(0)
+                result[n, o] = np.float32(2) * share * target * wrong if value > 0 else np.float32(0)
     return loss / result.size

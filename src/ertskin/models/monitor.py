@@ -32,7 +32,7 @@ class SkinMonitor:
         if "resting.rest_v" not in held:
             return None
         parts = [
-            kind(**{field.name: _plain(held[f"{part}.{field.name}"]) for field in fields(kind)})
+            kind(**{field.name: _array_or_float(held[f"{part}.{field.name}"]) for field in fields(kind)})
             for part, kind in _PARTS.items()
         ]
         return cls(*parts)
@@ -41,6 +41,6 @@ class SkinMonitor:
 _PARTS: dict[str, type[Any]] = {"resting": RestingSkin, "novelty": Novelty}
 
 
-def _plain(value: Any) -> Any:
+def _array_or_float(value: Any) -> Any:
     array = np.asarray(value)
     return array if array.ndim else float(array)

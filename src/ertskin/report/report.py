@@ -64,8 +64,8 @@ def write_report(path: Path, inputs: ReportInputs) -> Path:
         sections.append(lacking(inputs.diagnosis))
     if (changed := change(inputs.methods, inputs.pairs)) is not None:
         sections.append(changed)
-    if (beside := grids(inputs.methods)) is not None:
-        sections.append(beside)
+    if (by_grid := grids(inputs.methods)) is not None:
+        sections.append(by_grid)
     if any(not name[-1].isdigit() for name in metric_names(inputs.methods)):
         alike = [method for method in inputs.methods if method.grid == shown.grid]
         sections += [network(inputs.methods, shown), failures(alike, shown)]
@@ -105,6 +105,6 @@ def _key_numbers(shown: MethodResult) -> tuple[tuple[str, str], ...]:
             continue
         values = shown.values(name)
         if len(values) and np.isfinite(values).any():
-            beside = f" (paper {metric.with_unit(PAPER[name][0])})" if name in PAPER else ""
-            numbers.append((metric.with_unit(float(values.mean())), f"{metric.head}{beside}"))
+            in_paper = f" (paper {metric.with_unit(PAPER[name][0])})" if name in PAPER else ""
+            numbers.append((metric.with_unit(float(values.mean())), f"{metric.head}{in_paper}"))
     return tuple(numbers)

@@ -201,10 +201,10 @@ def _is_hydras(name: str) -> bool:
 
 def source_commit() -> str | None:
     """Commit of the checkout this code runs from, with ``-dirty`` where it has been changed; None outside of one."""
-    here = Path(__file__).resolve().parent
+    folder = Path(__file__).resolve().parent
     command = ["git", "describe", "--always", "--abbrev=40", "--exclude=*", "--dirty"]
     try:
-        done = subprocess.run(command, cwd=here, capture_output=True, text=True, check=False, timeout=20)
+        done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False, timeout=20)
     except (OSError, subprocess.TimeoutExpired):
         return None
     return done.stdout.strip() or None

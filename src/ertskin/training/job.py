@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from omegaconf import DictConfig
 
 from ertskin.data.material import Material
-from ertskin.evaluation.predictions import as_plain
+from ertskin.evaluation.predictions import as_builtins
 from ertskin.files import write_whole
 from ertskin.hardware.recording import read_recording
 from ertskin.models.reconstruction import Reconstruction
@@ -122,7 +122,7 @@ def built(model: DictConfig) -> dict[str, Any]:
 def _logged(outcome: Validation, run: Run) -> dict[str, float]:
     metrics = {f"validation_{name}": score.value for name, score in outcome.scores.items()}
     run.metrics(metrics)
-    run.table(as_plain(outcome.scores), "validation/per_taxel.json")
+    run.table(as_builtins(outcome.scores), "validation/per_taxel.json")
     for name, figure in outcome.figures().items():
         run.figure(figure, f"validation/{name}")
     return metrics

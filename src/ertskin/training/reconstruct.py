@@ -13,7 +13,7 @@ from ertskin.errors import UserError
 from ertskin.models.denoiser import Denoiser
 from ertskin.models.network import Network
 from ertskin.models.reconstruction import Reconstruction
-from ertskin.training.beside import beside
+from ertskin.training.child_process import trained_in_child
 from ertskin.training.fit import Fitted
 from ertskin.training.progress import Log
 from ertskin.training.settings import TrainerSettings
@@ -72,15 +72,15 @@ def train_reconstruction(
     return _reconstruction(material, network, denoiser), {"denoiser": of_denoiser, "network": of_network}
 
 
-def _side_by_side(there: Stage, here: Stage, named: Callable[[str], Log]) -> tuple[Network, Fitted]:
-    """Train both; what ``here`` has become. Epochs of both are logged by this process."""
-    with beside(there, named(there.name)) as log_epochs:
+def _side_by_side(in_child: Stage, in_parent: Stage, named: Callable[[str], Log]) -> tuple[Network, Fitted]:
+    """Train both; what ``in_parent`` has become. Epochs of both are logged by this process."""
+    with trained_in_child(in_child, named(in_child.name)) as log_epochs:
 
         def log_both(metrics: dict[str, float], epoch: int) -> None:
             log_epochs()
-            named(here.name)(metrics, epoch)
+            named(in_parent.name)(metrics, epoch)
 
-        return here.fit(log_both)
+        return in_parent.fit(log_both)
 
 
 def _reconstruction(material: Material, network: Network, denoiser: Denoiser | None) -> Reconstruction:

@@ -54,8 +54,8 @@ def check_start(
         raise UserError("tune_epochs=0 keeps the weights, and only those of model=contacts do without training")
     shapes = [each.design.shape for each in (start.protocol, protocol or start.protocol)]
     if shapes[0] != shapes[1]:
-        told = " and ".join(f"{pairs} of {readings}" for readings, pairs in shapes)
-        raise UserError(f"from: scans differ, {told} readings: another specimen must have as many electrodes")
+        counts = " and ".join(f"{pairs} of {readings}" for readings, pairs in shapes)
+        raise UserError(f"from: scans differ, {counts} readings: another specimen must have as many electrodes")
 
 
 def _tune_epochs(config: DictConfig) -> int:

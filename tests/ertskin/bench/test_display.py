@@ -25,7 +25,7 @@ def said(by: Console) -> str:
     return by.file.getvalue()
 
 
-def standing(press: int, saturated: float = 0.0, presses: int = 12) -> Progress:
+def progress(press: int, saturated: float = 0.0, presses: int = 12) -> Progress:
     """A frame in the middle of a press."""
     return Progress(press, presses, 3 * press + 1, 36, Phase.LOADING, 1e-3, 2.5, Soundness(saturated, 2e-3, 1.5e-3))
 
@@ -48,7 +48,7 @@ def test_without_a_terminal_a_few_lines_tell_how_it_goes() -> None:
     plan = Plan("many", (Press(((0.03, 0.05),), ramp(1e-3, 1e-3)),) * 12)
     with Display(out, plan) as display:
         for press in range(12):
-            display.show(standing(press))
+            display.show(progress(press))
     lines = [line for line in said(out).splitlines() if line]
     assert [line.split("  ")[0] for line in lines] == [f"many: press {k}/12" for k in (1, 3, 5, 7, 9, 11)]
     assert all("noise 1.50 mV, reciprocity 0.2 %" in line for line in lines)
@@ -57,6 +57,6 @@ def test_without_a_terminal_a_few_lines_tell_how_it_goes() -> None:
 def test_on_a_terminal_force_depth_and_saturation_show() -> None:
     out = console(terminal=True)
     with Display(out, Plan("one", (Press(((0.03, 0.05),), ramp(1e-3, 1e-3)),))) as display:
-        display.show(standing(0, saturated=0.1, presses=1))
+        display.show(progress(0, saturated=0.1, presses=1))
     for text in ("press 1/1 loading 1.0 mm 2.50 N", "noise 1.50 mV", "10 % saturated"):
         assert text in said(out)

@@ -38,13 +38,13 @@ class DiagnosesKilledOnce(Diagnoses):
     def diagnosed(self, number, report):
         marker = self.effects.parent.with_name("died")
 
-        def told(share, text):
+        def killing(share, text):
             if number == 1 and (share or 0.0) > 0.3 and not marker.exists():
                 marker.touch()
                 os.kill(os.getpid(), signal.SIGKILL)
             report(share, text)
 
-        return super().diagnosed(number, told)
+        return super().diagnosed(number, killing)
 
 
 def as_dict(cluster, compute=draw):
@@ -151,12 +151,12 @@ def test_trials_from_a_scheduler_are_those_of_one_process_though_a_worker_was_ki
     def made(folder, forward, cluster):
         return synthesize(tmp_path / folder, {"skin": "bowl"}, plan, taxel_m, lambda: forward, cluster)
 
-    here = made("here", Bowl(), LocalCluster(1))
-    there = made("there", Bowl(tmp_path / "died"), DaskCluster(address))
+    by_threads = made("here", Bowl(), LocalCluster(1))
+    by_dask = made("there", Bowl(tmp_path / "died"), DaskCluster(address))
     assert (tmp_path / "died").exists()
     assert sum(process.poll() is None for process in processes) == 2
-    assert there[2] == here[2]
-    assert np.array_equal(there[0].change_ohm, here[0].change_ohm)
+    assert by_dask[2] == by_threads[2]
+    assert np.array_equal(by_dask[0].change_ohm, by_threads[0].change_ohm)
 
 
 @pytest.mark.timeout(600)
@@ -179,11 +179,11 @@ def test_diagnoses_from_a_scheduler_are_those_of_one_process_though_a_worker_was
         files = (path for path in (tmp_path / folder).rglob("*.*") if path.suffix != ".html")
         return {path.relative_to(tmp_path / folder): path.read_bytes() for path in files}
 
-    here = written("here", Diagnoses, LocalCluster(1))
-    there = written("there", DiagnosesKilledOnce, DaskCluster(json.loads(file.read_text())["address"]))
+    by_threads = written("here", Diagnoses, LocalCluster(1))
+    by_dask = written("there", DiagnosesKilledOnce, DaskCluster(json.loads(file.read_text())["address"]))
     assert (tmp_path / "died").exists()
     assert sum(process.poll() is None for process in processes) == 2
-    assert there == here
+    assert by_dask == by_threads
 
 
 def test_a_scheduler_that_is_not_there_is_said(tmp_path):

@@ -54,8 +54,8 @@ def test_pieces_are_computed_by_queued_jobs_which_are_cancelled_in_the_end(queue
         pytest.skip("dask-jobqueue is an extra: pip install 'ertskin[cluster]'")
     from ertskin.cluster.dask import DaskCluster
 
-    here = {"host": "127.0.0.1", "dashboard_address": None}
-    cluster = DaskCluster(workers=2, slurm={"cores": 1, "memory": "1GB", "scheduler_options": here})
+    options = {"host": "127.0.0.1", "dashboard_address": None}
+    cluster = DaskCluster(workers=2, slurm={"cores": 1, "memory": "1GB", "scheduler_options": options})
     done = dict(cluster.spread(square, range(6)))
     assert {number: value[0] for number, value in done.items()} == {k: float(k**2) for k in range(6)}
     assert os.getpid() not in {int(value[1]) for value in done.values()}

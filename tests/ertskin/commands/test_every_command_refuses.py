@@ -75,7 +75,7 @@ def test_a_bad_recording_is_refused_in_one_line(
 
 
 @pytest.mark.parametrize(
-    ("case", "command", "told"),
+    ("case", "command", "expected"),
     [
         ("frames/phase zeroed", "one", "bad.h5: no frame presses at a known place"),
         ("frames/phase constant", "two", "bad.h5: no frame presses at a known place"),
@@ -84,12 +84,12 @@ def test_a_bad_recording_is_refused_in_one_line(
     ],
 )
 def test_a_sound_recording_that_is_of_no_use_for_it_is_refused(
-    case: str, command: str, told: str, place: Path, capfd: pytest.CaptureFixture[str]
+    case: str, command: str, expected: str, place: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
     spoilt(place / "train.h5", place / "bad.h5", dict(systematic())[case])
     assert cli.main(COMMANDS[command]) == 2
     (line,) = (line for line in capfd.readouterr().err.splitlines() if line.startswith("ertskin: "))
-    assert told in line
+    assert expected in line
 
 
 def loaded(status: int, words: list[str]) -> str:

@@ -112,20 +112,20 @@ def test_a_plan_from_a_file_or_a_diagnosis(tmp_path: Path, capsys: pytest.Captur
     (tmp_path / "diagnosis.json").write_text(json.dumps(verdict))
     (tmp_path / "content.json").write_text(json.dumps({"next_press": None}))
     (tmp_path / "coarse.yaml").write_text("kind: taxels\nramp: {depth_m: 2e-3, step_m: 1e-3}\n")
-    for name, told in (
+    for name, expected in (
         ("diagnosis.json", ("tell piezo_creep from piezo_hysteresis", "1 presses, 32 frames, about")),
         ("coarse.yaml", ("36 presses",)),
     ):
         assert main(["record", f"plan={tmp_path / name}", "dry_run=true"]) == 0
         out = capsys.readouterr().out
-        assert all(words in out for words in told), out
-    for name, told in (("content.json", "no next press"), ("absent.yaml", "absent.yaml")):
+        assert all(words in out for words in expected), out
+    for name, expected in (("content.json", "no next press"), ("absent.yaml", "absent.yaml")):
         assert main(["record", f"plan={tmp_path / name}", "dry_run=true"]) == 2
-        assert told in capsys.readouterr().err
+        assert expected in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
-    ("word", "told"),
+    ("word", "expected"),
     [
         ("plan.kind=unknown", "no kind"),
         ("rig.stage.driver=abacus", "abacus"),
@@ -137,11 +137,11 @@ def test_a_plan_from_a_file_or_a_diagnosis(tmp_path: Path, capsys: pytest.Captur
     ],
 )
 def test_what_can_not_be_is_told_in_a_line(
-    word: str, told: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    word: str, expected: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(words(tmp_path / "a.h5", 1, word)) == 2
     error = capsys.readouterr().err.strip()
-    assert told in error
+    assert expected in error
     assert "\n" not in error
 
 
@@ -188,8 +188,8 @@ def _sent(out: Path, number: signal.Signals, press: int) -> subprocess.Completed
     while time.monotonic() < deadline and not _pressed(out, press):
         time.sleep(0.02)
     os.kill(process.pid, number)
-    told, wrong = process.communicate()
-    return subprocess.CompletedProcess(command, process.returncode, told, wrong)
+    output, wrong = process.communicate()
+    return subprocess.CompletedProcess(command, process.returncode, output, wrong)
 
 
 def _pressed(out: Path, press: int) -> bool:
@@ -206,16 +206,16 @@ def _pressed(out: Path, press: int) -> bool:
 
 def test_the_rig_is_asked(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["doctor", "rig=virtual"]) == 0
-    told = capsys.readouterr().out
+    output = capsys.readouterr().out
     for word in ("GRBL 1.1h", "HX711", "virtual ERT reader"):
-        assert word in told
+        assert word in output
 
 
 def test_a_rig_that_is_not_there(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["doctor", "rig=grbl_hx711", "rig.stage.port=/nowhere"]) == 1
-    told = capsys.readouterr()
-    assert "stage: /nowhere: can't be opened" in told.out
-    assert "no answer from stage, load cell, ERT reader" in told.err
+    output = capsys.readouterr()
+    assert "stage: /nowhere: can't be opened" in output.out
+    assert "no answer from stage, load cell, ERT reader" in output.err
 
 
 @pytest.fixture
@@ -225,8 +225,8 @@ def desk() -> Iterator[tuple[VirtualBench, list[str]]]:
     bench = virtual_bench(skin, real_time=True, limits={"travel_speed_m_s": 0.3})
     bench.stage.homing_m_s = 1.0
     server = Server([bench.stage, bench.load_cell, bench.reader])
-    told = {"stage", "load_cell", "ert_reader", "geometry", "limits"}
-    yield bench, [f"rig.{name}={json.dumps(bench.fields[name]).replace(chr(34), '')}" for name in told]
+    groups = {"stage", "load_cell", "ert_reader", "geometry", "limits"}
+    yield bench, [f"rig.{name}={json.dumps(bench.fields[name]).replace(chr(34), '')}" for name in groups]
     server.close()
     bench.close()
 
@@ -251,10 +251,10 @@ def test_hung_while_it_presses_and_gone_on_with(desk: tuple[VirtualBench, list[s
     bench, rig = desk
     out = tmp_path / "a.h5"
     limits = "rig.limits={travel_speed_m_s: 0.3, approach_m: 1.0e-4, touch_speed_m_s: 5.0e-3, hang_s: 5.0}"
-    told = ["rig=grbl_hx711", *(word for word in rig if not word.startswith("rig.limits")), limits]
+    settings = ["rig=grbl_hx711", *(word for word in rig if not word.startswith("rig.limits")), limits]
     ramp = "{depth_m: 1.0e-3, step_m: 1.0e-3, hold_frames: 6}"
     plan = ["plan=listed", f"plan.presses=[{{contact_m: [0.03, 0.05], rest_s: 0.1, speed_m_s: 5.0e-3, ramp: {ramp}}}]"]
-    command = [sys.executable, "-m", "ertskin.cli", "record", *plan, f"recording={out}", *told]
+    command = [sys.executable, "-m", "ertskin.cli", "record", *plan, f"recording={out}", *settings]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     deadline = time.monotonic() + 60.0
     while bench.world.depth_m(bench.clock.now()) < 8e-4:
@@ -286,10 +286,10 @@ def test_a_stage_that_refuses_while_it_presses_costs_one_press(
         assert time.monotonic() < deadline
         time.sleep(0.02)
     bench.stage.only_say(b"error:9\r\n", 5.0)
-    out, told = process.communicate(timeout=90.0)
-    assert process.returncode == 0, told
+    out, error = process.communicate(timeout=90.0)
+    assert process.returncode == 0, error
     assert bench.world.depth_m(bench.clock.now()) < 0.0
-    assert "the stage may still press" in told
-    assert told.endswith("ertskin: the stage is up\n")
+    assert "the stage may still press" in error
+    assert error.endswith("ertskin: the stage is up\n")
     assert "0 presses" in out
     assert "given up press 0: stage " in out

@@ -34,9 +34,9 @@ def test_presses_are_asked_for_until_there_are_enough(tmp_path: Path, capsys: py
     out = tmp_path / "a.h5"
     never = ["plan.accuracy_n=1.0e-6", "plan.accuracy_m=1.0e-9"]
     assert main(words(out, "plan.most=1", *never)) == 0
-    told = capsys.readouterr().out
-    assert "1 press: one contact is expected to be found to" in told
-    assert "stopped at plan.most=1" in told
+    output = capsys.readouterr().out
+    assert "1 press: one contact is expected to be found to" in output
+    assert "stopped at plan.most=1" in output
     first = read_recording(out)
     np.testing.assert_allclose(places(first), [[0.03, 0.03]])
     # As well known as stated: nothing is pressed, nothing changes.
@@ -57,7 +57,7 @@ def test_presses_are_asked_for_until_there_are_enough(tmp_path: Path, capsys: py
 
 
 @pytest.mark.parametrize(
-    ("word", "told"),
+    ("word", "expected"),
     [
         ("plan.accuracy_n=0", "plan.accuracy_n must be above 0"),
         ("plan.most=many", "plan.most must be a whole number"),
@@ -66,11 +66,11 @@ def test_presses_are_asked_for_until_there_are_enough(tmp_path: Path, capsys: py
     ],
 )
 def test_wrong_settings_are_told_in_a_line(
-    word: str, told: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    word: str, expected: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(words(tmp_path / "a.h5", word if "unheard" not in word else f"+{word}")) == 2
     error = capsys.readouterr().err.strip()
-    assert told in error
+    assert expected in error
     assert "\n" not in error
     assert not (tmp_path / "a.h5").exists()
 

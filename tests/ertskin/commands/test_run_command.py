@@ -69,8 +69,8 @@ def test_the_main_job_learns_without_and_with_what_was_found_and_goes_on_from_wh
     # The mean place is the middle, one of the test's three.
     assert hits["mean"] == pytest.approx(1.0 / 3.0)
     report = Path("runs/evaluate/train/report.html").read_text()
-    for words_there in ("What the simulator lacked", "sheet inhomogeneity", "gradient x 0.2 (0.19 to 0.21)"):
-        assert words_there in report
+    for words in ("What the simulator lacked", "sheet inhomogeneity", "gradient x 0.2 (0.19 to 0.21)"):
+        assert words in report
     assert "What that changed for the networks" in report
     again = ertskin("run", "recording=train.h5", *SMALL, folder=workplace)
     assert again.returncode == 0, again.stdout + again.stderr

@@ -47,8 +47,8 @@ def test_all_presses_are_the_whole_recording(recording: Recording) -> None:
 
 
 @pytest.mark.parametrize(
-    ("which", "told"), [([], "no press was chosen"), ([1, 7], "has no press 7; choose from 0 to 3")]
+    ("which", "expected"), [([], "no press was chosen"), ([1, 7], "has no press 7; choose from 0 to 3")]
 )
-def test_presses_that_are_not_there_are_refused(recording: Recording, which: list[int], told: str) -> None:
-    with pytest.raises(UserError, match=told):
+def test_presses_that_are_not_there_are_refused(recording: Recording, which: list[int], expected: str) -> None:
+    with pytest.raises(UserError, match=expected):
         presses_of(recording, which)

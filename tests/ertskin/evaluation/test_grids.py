@@ -41,12 +41,12 @@ def test_two_grids_stand_side_by_side_in_a_report_of_their_own(workplace, capfd)
     report = Path("runs/evaluate/train-3x3-2x2/report.html").read_text()
     assert "One grid beside another" in report
     assert "Test frames: 2x2 on 2, 3x3 on 8." in report
-    for wrong, told in (
+    for wrong, expected in (
         ("grids=[6]", "'6' is no grid"),
         ("grids=[4x4]", "train one: ertskin train recording=train.h5 grid=4x4"),
     ):
         assert evaluate(wrong, *plan) == 2
-        assert told in capfd.readouterr().err
+        assert expected in capfd.readouterr().err
 
 
 @pytest.mark.parametrize(("within_m", "kept"), [(0.01, 1), (0.041, 2)])

@@ -16,7 +16,7 @@ from ertskin.evaluation.metrics import (
     location_error_mm,
 )
 from ertskin.evaluation.outcome import Outcome, force_map_n
-from ertskin.evaluation.predictions import as_plain, evaluate_predictions, tuned_threshold_n
+from ertskin.evaluation.predictions import as_builtins, evaluate_predictions, tuned_threshold_n
 from ertskin.physics.sensor import taxel_grid_m
 
 TAXEL_M = taxel_grid_m((0.12, 0.12), 6, 6)
@@ -58,8 +58,8 @@ def test_force_rmse_counts_a_miss_as_zero():
     estimate = [row[k] if seen[k] else 0.0 for row, seen, k in zip(outcome.map_n, outcome.present, taxel, strict=True)]
     assert force_rmse_one_n(outcome).value == pytest.approx(np.sqrt(mean_squared_error(truth, estimate)))
     assert force_correlation_one(outcome).value == pytest.approx(stats.pearsonr(truth, estimate).statistic)
-    here = taxel == 7
-    per_taxel = np.sqrt(mean_squared_error(truth[here], np.array(estimate)[here]))
+    of_taxel = taxel == 7
+    per_taxel = np.sqrt(mean_squared_error(truth[of_taxel], np.array(estimate)[of_taxel]))
     assert force_rmse_one_n(outcome).per_taxel[7] == pytest.approx(per_taxel)
 
 
@@ -126,8 +126,8 @@ def test_evaluate_predictions_reports_only_what_was_tested():
         "location_error_mm",
     }
     assert "exact_rate_two" in evaluate_predictions(two.true_map_n, two.map_n, TAXEL_M)
-    plain = as_plain(evaluate_predictions(one.true_map_n[:1], one.map_n[:1], TAXEL_M))
-    assert plain["hit_rate_one"]["per_taxel"].count(None) == 35
+    table = as_builtins(evaluate_predictions(one.true_map_n[:1], one.map_n[:1], TAXEL_M))
+    assert table["hit_rate_one"]["per_taxel"].count(None) == 35
 
 
 def test_tuned_threshold_finds_the_gap():

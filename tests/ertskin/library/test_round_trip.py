@@ -78,8 +78,8 @@ def test_effects_as_settings_and_as_a_diagnosis_gives_them(
     from ertskin.physics.effects.registry import build_effects
 
     settings = {"piezo_creep": {"fraction": 0.5, "time_s": 1.0}}
-    plain, crept = (ertskin.simulate(calibration, protocol, history, e).voltage_v for e in ({}, settings))
-    assert np.abs(crept[2] - plain[2]).max() > 1e-3
+    without, crept = (ertskin.simulate(calibration, protocol, history, e).voltage_v for e in ({}, settings))
+    assert np.abs(crept[2] - without[2]).max() > 1e-3
     np.testing.assert_array_equal(
         crept, ertskin.simulate(calibration, protocol, history, build_effects(settings)).voltage_v
     )

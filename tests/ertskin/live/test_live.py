@@ -27,7 +27,7 @@ from ertskin.models.estimate import Estimate
 from ertskin.physics.history import History
 
 
-class Told:
+class Obedient:
     """A predictor that answers what it is told to."""
 
     reads_coordinates = False
@@ -50,7 +50,7 @@ def scans(frames: int, offset_v: float = 0.0, seed: int = 0) -> list[Scan]:
 
 
 def session(force_n: float = 0.0) -> Session:
-    return Session(Told(force_n))  # type: ignore[arg-type]
+    return Session(Obedient(force_n))  # type: ignore[arg-type]
 
 
 def test_begins_with_zeroing() -> None:
@@ -73,7 +73,7 @@ def test_noise_and_spikes_are_no_touch_a_light_press_is() -> None:
     light = [watched.see(scan) for scan in scans(50, 2e-3)]
     assert [len(frame.contacts) for frame in light] == [1] * 50
     assert light[-1].rate_hz == pytest.approx(2.0)
-    known = Session(Told(2.0), 1, noise_v=1e-3)  # type: ignore[arg-type]
+    known = Session(Obedient(2.0), 1, noise_v=1e-3)  # type: ignore[arg-type]
     assert [len(known.see(scan).contacts) for scan in scans(50) + scans(1, 0.01)] == [0] * 50 + [1]
 
 

@@ -27,14 +27,14 @@ from ertskin.physics.sensor import taxel_grid_m
 def test_a_reader_that_fails_is_told_of_and_read_again() -> None:
     bench = small_bench()
     rig = bench.open()
-    told: list[str] = []
+    said: list[str] = []
     ending = threading.Event()
-    scans = scans_of_reader(rig.reader, rig.protocol, told.append, ending)
+    scans = scans_of_reader(rig.reader, rig.protocol, said.append, ending)
     assert [next(scans).sequence for _ in range(3)] == [0, 1, 2]
     bench.reader.unplug(1.0)
     # Plugged in again the board counts anew.
     assert [next(scans).sequence for _ in range(2)] == [0, 1]
-    assert any("lost" in text for text in told)
+    assert any("lost" in text for text in said)
     ending.set()
     assert list(scans) == []
     rig.close()

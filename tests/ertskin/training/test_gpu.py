@@ -48,8 +48,8 @@ def trained(name: str, accelerator: str, folder: Path) -> tuple[Network, dict[st
 @pytest.mark.parametrize("name", NETWORKS)
 def test_a_gpu_trains_what_the_processor_trains(name: str, tmp_path: Path) -> None:
     _, losses = trained(name, "cpu", tmp_path / "cpu")
-    _, losses_there = trained(name, "gpu", tmp_path / "gpu")
-    assert losses_there == pytest.approx(losses, rel=ROUNDING)
+    _, losses_gpu = trained(name, "gpu", tmp_path / "gpu")
+    assert losses_gpu == pytest.approx(losses, rel=ROUNDING)
 
 
 def test_a_mac_trains_on_its_processor(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -58,10 +58,10 @@ def test_a_mac_trains_on_its_processor(tmp_path: Path, monkeypatch: pytest.Monke
         pytest.skip("there is a GPU")
     network, losses = trained("reciprocal", "cpu", tmp_path / "cpu")
     monkeypatch.setattr(MPSAccelerator, "is_available", staticmethod(lambda: True))
-    network_there, losses_there = trained("reciprocal", "auto", tmp_path / "auto")
-    assert losses_there == losses
-    there = network_there.state_dict()
-    assert all(np.array_equal(there[key], value) for key, value in network.state_dict().items())
+    network_auto, losses_auto = trained("reciprocal", "auto", tmp_path / "auto")
+    assert losses_auto == losses
+    weights = network_auto.state_dict()
+    assert all(np.array_equal(weights[key], value) for key, value in network.state_dict().items())
     monkeypatch.setattr(accelerator.platform, "system", lambda: "Darwin")
     with pytest.raises(UserError, match="no double precision"):
         trainer_settings({"accelerator": "gpu"}, 0)

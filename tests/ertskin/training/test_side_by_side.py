@@ -42,7 +42,7 @@ class Fails(Denoiser):
 
 
 def trained(folder, threads, build_denoiser=Denoiser):
-    skin, told = protocol(), []
+    skin, logged = protocol(), []
     noise = WhiteNoise(skin, 1e-4)
     material = Material(skin, taxel_m(), mixed(240, seed=0), noise, "sum", mixed(120, seed=1))
     reconstruction, fitted = train_reconstruction(
@@ -51,10 +51,10 @@ def trained(folder, threads, build_denoiser=Denoiser):
         partial(build_denoiser),
         replace(SETTINGS, threads=threads),
         folder,
-        lambda stage, losses, epoch: told.append((stage, epoch, losses["validation_loss"])),
+        lambda stage, losses, epoch: logged.append((stage, epoch, losses["validation_loss"])),
     )
     weights = {**reconstruction.network.state_dict(), **reconstruction.denoiser.layers.state_dict()}
-    return weights, {name: (one.loss, one.epoch) for name, one in fitted.items()}, sorted(told)
+    return weights, {name: (one.loss, one.epoch) for name, one in fitted.items()}, sorted(logged)
 
 
 @pytest.fixture(scope="module")

@@ -63,7 +63,7 @@ def test_a_job_is_named_by_what_it_started_from(workplace: Path, capsys: pytest.
     # As does the run of MLflow.
     assert train("trainer.max_epochs=4", f"from={afresh.about['run_id']}", "tune_epochs=1") == 0
     assert "done before" in capsys.readouterr().out
-    for words, told in (
+    for words, expected in (
         (["from=nowhere"], "nowhere"),
         ([f"from={first}", "tune_epochs=-1"], "tune_epochs must be at least 0"),
         ([f"from={first}", "tune_epochs=0"], "only those of model=contacts"),
@@ -72,7 +72,7 @@ def test_a_job_is_named_by_what_it_started_from(workplace: Path, capsys: pytest.
     ):
         assert train(*words) == 2, words
         error = capsys.readouterr().err.strip().splitlines()
-        assert told in error[-1]
+        assert expected in error[-1]
 
 
 def test_kept_directions_are_white_in_the_new_noise_and_near_the_old() -> None:

@@ -155,21 +155,21 @@ class AnywhereYardsticks:
         peak = top & (total > max(threshold_n, LEAST_N))
         most = max(1, int(peak.sum(axis=1).max(initial=0)))
         order = np.argsort(~peak, axis=1, kind="stable")[:, :most]
-        there = np.take_along_axis(peak, order, axis=1)
+        present = np.take_along_axis(peak, order, axis=1)
         centroid = (positive @ (near[..., None] * self.lattice_m).swapaxes(0, 1).reshape(len(near), -1)).reshape(
             len(maps_n), -1, 2
         ) / np.maximum(total, 1e-12)[..., None]
         place = np.take_along_axis(centroid, order[..., None], axis=1)
         force = np.take_along_axis(total, order, axis=1)
-        return np.where(there[..., None], place, np.nan), np.where(there, force, np.nan)
+        return np.where(present[..., None], place, np.nan), np.where(present, force, np.nan)
 
 
 def contact_bounds(table: ResponseTable, contact_m: Array, force_n: Array) -> tuple[Array, Array]:
     """(M,) least rms error of place in metres and of force in newton of each of the contacts (N,C)."""
     places, forces = [], []
     for place, force in zip(contact_m, force_n, strict=True):
-        there = np.isfinite(force) & np.isfinite(place).all(axis=1)
-        slope = table.tangents(place[there], force[there])[:, 1:4].reshape(-1, table.response.shape[3])
+        present = np.isfinite(force) & np.isfinite(place).all(axis=1)
+        slope = table.tangents(place[present], force[present])[:, 1:4].reshape(-1, table.response.shape[3])
         covariance = np.linalg.inv(slope @ slope.T)
         variance = np.diagonal(covariance).reshape(-1, 3)
         places += list(np.sqrt(variance[:, 0] + variance[:, 1]))

@@ -32,7 +32,7 @@ def lacking(folder: Path) -> Section:
     """The section from ``folder/diagnosis.json`` and the figures beside it."""
     found = _read(folder)
     words = [MEANING[found["verdict"]] + (f" {found['reason']}." if found.get("reason") else "")]
-    words += [f"{words_of(effect['name']).capitalize()}: {_told(effect)}." for effect in found["effects"]]
+    words += [f"{words_of(effect['name']).capitalize()}: {_explained(effect)}." for effect in found["effects"]]
     tables = (_named(found["effects"]),) if found["effects"] else ()
     return Section(TITLE, tuple(words), _facts(found), tables=tables, pictures=tuple(_pictures(folder, found)))
 
@@ -57,7 +57,7 @@ def _facts(found: dict[str, Any]) -> tuple[tuple[str, str], ...]:
     return tuple(facts)
 
 
-def _told(effect: dict[str, Any]) -> str:
+def _explained(effect: dict[str, Any]) -> str:
     """Why a name is as sure as it is, in the order of the rules."""
     reasons = [f"{reason['why']} ({reason['after']:.2f})" for reason in effect["reasons"]]
     return "; ".join(reasons) if reasons else f"confidence {effect['confidence']:.2f}"

@@ -14,7 +14,7 @@ from ertskin.training.stage import Stage
 
 
 @contextmanager
-def beside(stage: Stage, log: Log) -> Iterator[Callable[[], None]]:
+def trained_in_child(stage: Stage, log: Log) -> Iterator[Callable[[], None]]:
     """Train ``stage`` in a child, which leaving this context waits for; its checkpoints stay in its folder.
 
     Gives what to call now and then: it logs the child's epochs up to now. However the child ended, ``stage.fit``
