@@ -46,15 +46,15 @@ def killed(path: Path, seconds: float) -> int:
     command = [sys.executable, __file__, "--record", str(path)]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment)
     assert process.stdout is not None
-    told = int(process.stdout.readline() or 0)
+    reported = int(process.stdout.readline() or 0)
     timer = threading.Timer(seconds, process.kill)
     timer.start()
     for line in process.stdout:
         if line.endswith("\n"):
-            told = int(line)
+            reported = int(line)
     process.wait()
     timer.cancel()
-    return told
+    return reported
 
 
 def main(kills: int = 50, seed: int = 0) -> None:
@@ -65,13 +65,13 @@ def main(kills: int = 50, seed: int = 0) -> None:
     with tempfile.TemporaryDirectory() as folder:
         for number in range(kills):
             path = Path(folder) / f"{number // 10}.h5"
-            told = killed(path, float(rng.uniform(0.0, 2.0)))
+            reported = killed(path, float(rng.uniform(0.0, 2.0)))
             frames = read_recording(part_of(path)).frames
             opened += frames is not None
             found = 0 if frames is None else len(frames)
-            kept += found >= told
-            lost += found < told
-            frames_lost += max(0, told - found)
+            kept += found >= reported
+            lost += found < reported
+            frames_lost += max(0, reported - found)
             most = max(most, found)
     text = [
         f"Seed {seed}. {kills} recordings killed with SIGKILL 0 to 2 s after their first frame count, each gone on",

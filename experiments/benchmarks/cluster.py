@@ -43,9 +43,9 @@ def run(plan: Plan, turns: int) -> dict:
     for _ in range(turns):
         for name in CLUSTERS:
             command = [sys.executable, __file__, name, json.dumps(asdict(plan))]
-            told = json.loads(subprocess.run(command, capture_output=True, text=True, check=True).stdout)
-            sums.add(told["sha256"])
-            seconds[name].append(told["seconds"])
+            measured = json.loads(subprocess.run(command, capture_output=True, text=True, check=True).stdout)
+            sums.add(measured["sha256"])
+            seconds[name].append(measured["seconds"])
     if len(sums) > 1:
         raise AssertionError("the shards differ between clusters")
     alone = np.array(seconds["one process"])

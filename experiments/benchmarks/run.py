@@ -28,7 +28,7 @@ import trials  # noqa: E402
 
 from ertskin.data.synthesis import Plan  # noqa: E402
 
-HERE = Path(__file__).resolve().parent
+FOLDER = Path(__file__).resolve().parent
 PACKAGES = ("numpy", "scipy", "numba", "pyeit", "torch", "lightning", "distributed")
 BEGIN, END = "<!-- results -->", "<!-- end of results -->"
 
@@ -41,18 +41,18 @@ def measure(small: bool, only: list[str] | None) -> Iterator[tuple[str, Any]]:
     cores = len(os.sched_getaffinity(0))
     sections = {
         "machine": machine,
-        "frame": lambda: [told(single_frame.frame(n, turns, with_pyeit=n <= 10_000)) for n in sizes],
-        "jacobian": lambda: [told(single_frame.jacobian(n, max(3, turns // 3))) for n in sizes[:2]],
+        "frame": lambda: [shown(single_frame.frame(n, turns, with_pyeit=n <= 10_000)) for n in sizes],
+        "jacobian": lambda: [shown(single_frame.jacobian(n, max(3, turns // 3))) for n in sizes[:2]],
         "electrodes": lambda: [
-            told(single_frame.electrodes(n, turns)) for n in ((16, 32) if small else (16, 24, 32, 64))
+            shown(single_frame.electrodes(n, turns)) for n in ((16, 32) if small else (16, 24, 32, 64))
         ],
-        "contacts": lambda: [told(trials.contacts(n, 30 if small else 200)) for n in (1, 2, 3, 4)],
-        "trials": lambda: [told(trials.run(pairs, cores, mesh)) for mesh in ("fast", "fine")],
-        "neighbours": lambda: told(trials.neighbours(cores)),
-        "contact_fit": lambda: told(contact_fit.run("fast", turns)),
-        "loops": lambda: told(training.loops(training.material(pairs, cores), 1 if small else 3, 3 if small else 5)),
-        "training": lambda: told(training.full(training.material(pairs, cores), cores)),
-        "cluster": lambda: told(cluster.run(Plan(trials=pairs, denoiser_trials=0), turns=1 if small else 2)),
+        "contacts": lambda: [shown(trials.contacts(n, 30 if small else 200)) for n in (1, 2, 3, 4)],
+        "trials": lambda: [shown(trials.run(pairs, cores, mesh)) for mesh in ("fast", "fine")],
+        "neighbours": lambda: shown(trials.neighbours(cores)),
+        "contact_fit": lambda: shown(contact_fit.run("fast", turns)),
+        "loops": lambda: shown(training.loops(training.material(pairs, cores), 1 if small else 3, 3 if small else 5)),
+        "training": lambda: shown(training.full(training.material(pairs, cores), cores)),
+        "cluster": lambda: shown(cluster.run(Plan(trials=pairs, denoiser_trials=0), turns=1 if small else 2)),
     }
     for name, section in sections.items():
         if only is None or name in only:
@@ -73,12 +73,12 @@ def machine() -> dict:
 
 def commit() -> str:
     """The checkout's commit."""
-    asked = ["git", "-C", str(HERE), "rev-parse", "--short", "HEAD"]
+    asked = ["git", "-C", str(FOLDER), "rev-parse", "--short", "HEAD"]
     found = subprocess.run(asked, capture_output=True, text=True, check=False)
     return found.stdout.strip() or "unknown"
 
 
-def told(result: dict) -> dict:
+def shown(result: dict) -> dict:
     """The result, shown as soon as it is there."""
     print(json.dumps(result), flush=True)
     return result
@@ -129,7 +129,7 @@ def main() -> None:
     parser.add_argument("--small", action="store_true", help="a look in a few minutes; writes nothing")
     parser.add_argument("--only", metavar="SECTION", nargs="+", help="measure these again and keep the others")
     arguments = parser.parse_args()
-    store = HERE / "results.json"
+    store = FOLDER / "results.json"
     results = json.loads(store.read_text()) if arguments.only and not arguments.small else {}
     for name, result in measure(arguments.small, arguments.only):
         results[name] = result
@@ -139,8 +139,8 @@ def main() -> None:
     print(lines)
     if arguments.small:
         return
-    draw(results, HERE / "scaling.png")
-    readme = HERE / "README.md"
+    draw(results, FOLDER / "scaling.png")
+    readme = FOLDER / "README.md"
     before, rest = readme.read_text().split(BEGIN)
     replace(readme, before + BEGIN + "\n" + lines + "\n" + END + rest.split(END)[1])
 

@@ -17,10 +17,13 @@ def frame(nodes: int, turns: int, with_pyeit: bool) -> dict:
     mesh = tank_mesh(CELL_M[nodes])
     protocol = Protocol.against_sink(electrode_pairs(24), 24, 1.0)
     contact = np.linspace(0.1, 1.0, 24)
-    ours, plain = Ours(mesh, 1, contact, protocol), FactorOnce(mesh, 1, contact, protocol)
+    ours, factor_once = Ours(mesh, 1, contact, protocol), FactorOnce(mesh, 1, contact, protocol)
     conductivity = [random_conductivity(mesh, 1, seed) for seed in range(turns + 1)]
-    agree(ours.readings(conductivity[0]), plain.readings(conductivity[0]))
-    jobs = {"ertskin": cycling(ours.readings, conductivity), plain.name: cycling(plain.readings, conductivity)}
+    agree(ours.readings(conductivity[0]), factor_once.readings(conductivity[0]))
+    jobs = {
+        "ertskin": cycling(ours.readings, conductivity),
+        factor_once.name: cycling(factor_once.readings, conductivity),
+    }
     times = summary(paired_seconds(jobs, turns), "ertskin")
     result = {"nodes": len(mesh.point_m), "elements": len(mesh.triangle), **{n: v for n, v in times.items()}}
     if with_pyeit:
@@ -37,10 +40,13 @@ def jacobian(nodes: int, turns: int) -> dict:
     mesh = tank_mesh(CELL_M[nodes])
     protocol = Protocol.against_sink(electrode_pairs(24), 24, 1.0)
     contact = np.linspace(0.1, 1.0, 24)
-    ours, plain = Ours(mesh, 1, contact, protocol), FactorOnce(mesh, 1, contact, protocol)
+    ours, factor_once = Ours(mesh, 1, contact, protocol), FactorOnce(mesh, 1, contact, protocol)
     conductivity = [random_conductivity(mesh, 1, seed) for seed in range(turns + 1)]
-    agree(ours.jacobian(conductivity[0]), plain.jacobian(conductivity[0]))
-    jobs = {"ertskin": cycling(ours.jacobian, conductivity), plain.name: cycling(plain.jacobian, conductivity)}
+    agree(ours.jacobian(conductivity[0]), factor_once.jacobian(conductivity[0]))
+    jobs = {
+        "ertskin": cycling(ours.jacobian, conductivity),
+        factor_once.name: cycling(factor_once.jacobian, conductivity),
+    }
     return {"nodes": len(mesh.point_m), **summary(paired_seconds(jobs, turns), "ertskin")}
 
 
@@ -49,10 +55,13 @@ def electrodes(count: int, turns: int) -> dict:
     mesh = tank_mesh(CELL_M[10_000], count)
     protocol = Protocol.against_sink(electrode_pairs(count), count, 1.0)
     contact = np.linspace(0.1, 1.0, count)
-    ours, plain = Ours(mesh, 1, contact, protocol), FactorOnce(mesh, 1, contact, protocol)
+    ours, factor_once = Ours(mesh, 1, contact, protocol), FactorOnce(mesh, 1, contact, protocol)
     conductivity = [random_conductivity(mesh, 1, seed) for seed in range(turns + 1)]
-    agree(ours.readings(conductivity[0]), plain.readings(conductivity[0]))
-    jobs = {"ertskin": cycling(ours.readings, conductivity), plain.name: cycling(plain.readings, conductivity)}
+    agree(ours.readings(conductivity[0]), factor_once.readings(conductivity[0]))
+    jobs = {
+        "ertskin": cycling(ours.readings, conductivity),
+        factor_once.name: cycling(factor_once.readings, conductivity),
+    }
     return {"electrodes": count, "nodes": len(mesh.point_m), **summary(paired_seconds(jobs, turns), "ertskin")}
 
 

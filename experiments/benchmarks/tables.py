@@ -43,7 +43,7 @@ def frame_table(rows: list[Row]) -> Iterator[str]:
     yield from table(
         ["one frame, 24 electrodes, 6,624 readings", "ertskin", "SciPy, factor once", "pyEIT"],
         [
-            [f"{row['nodes']:,} nodes", *times(row), beside(row["pyEIT"]) if "pyEIT" in row else "not run"]
+            [f"{row['nodes']:,} nodes", *times(row), with_ratio(row["pyEIT"]) if "pyEIT" in row else "not run"]
             for row in rows
         ],
     )
@@ -166,9 +166,9 @@ def table(header: list[str], rows: list[list[str]]) -> Iterator[str]:
 
 def times(row: Row) -> list[str]:
     """Our milliseconds, and the plain solver's with its ratio."""
-    return [f"{row['ertskin']['ms']:.2f}", beside(row["SciPy, factor once"])]
+    return [f"{row['ertskin']['ms']:.2f}", with_ratio(row["SciPy, factor once"])]
 
 
-def beside(entry: Row) -> str:
+def with_ratio(entry: Row) -> str:
     """Milliseconds and ratio."""
     return f"{entry['ms']:,.1f} ({entry['ratio']:,.1f})"

@@ -111,24 +111,24 @@ def full(material: Material, threads: int) -> dict:
     """Wall seconds of the paper's whole training to its last epoch, and to where its patience ends."""
     settings = replace(SETTINGS, patience=SETTINGS.max_epochs, threads=threads)
     begun = time.perf_counter()
-    told: dict[str, list[tuple[float, float]]] = {"denoiser": [], "network": []}
+    logged: dict[str, list[tuple[float, float]]] = {"denoiser": [], "network": []}
 
     def log(stage: str, losses: dict[str, float], epoch: int) -> None:
-        told[stage].append((losses["validation_loss"], time.perf_counter() - begun))
+        logged[stage].append((losses["validation_loss"], time.perf_counter() - begun))
 
     with tempfile.TemporaryDirectory() as folder:
         build = partial(MaskedNetwork, hidden=36, threshold=0.5), partial(Denoiser, hidden=128)
         train_reconstruction(material, *build, settings, Path(folder), log)
     seconds = time.perf_counter() - begun
-    ends = {stage: converged([loss for loss, _ in each], SETTINGS.patience) for stage, each in told.items()}
-    last = max(each[-1][1] for each in told.values())
-    converging = max(told[stage][end - 1][1] for stage, end in ends.items())
+    ends = {stage: converged([loss for loss, _ in each], SETTINGS.patience) for stage, each in logged.items()}
+    last = max(each[-1][1] for each in logged.values())
+    converging = max(logged[stage][end - 1][1] for stage, end in ends.items())
     return {
         "trials": len(material.trials),
         "threads": threads,
-        "epochs": {stage: len(each) for stage, each in told.items()},
+        "epochs": {stage: len(each) for stage, each in logged.items()},
         "seconds": seconds,
-        "denoiser_s": told["denoiser"][-1][1],
+        "denoiser_s": logged["denoiser"][-1][1],
         "epochs_with_patience": ends,
         "seconds_with_patience": seconds - last + converging,
         "load": os.getloadavg()[0],

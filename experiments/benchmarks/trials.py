@@ -86,9 +86,9 @@ def run(pairs: int, workers: int, resolution: str) -> dict:
         for name, sheet in (("same_mesh", same), ("reference", _direct("reference")))
     }
     one = same.solve(contact[checked[0]], force[checked[0]])
-    plain = FactorOnce(same.sheet.mesh, same.sheet.space.degree, CONTACT_OHM, PROTOCOL)
+    factor_once = FactorOnce(same.sheet.mesh, same.sheet.space.degree, CONTACT_OHM, PROTOCOL)
     with Stopwatch() as factoring:
-        theirs = plain.pair_resistances(one.conductivity_s)
+        theirs = factor_once.pair_resistances(one.conductivity_s)
     agree(one.pair_resistance_ohm, theirs)
     return {
         "resolution": resolution,

@@ -59,22 +59,22 @@ class Case:
 
 def _recipes(small: bool, rng: np.random.Generator) -> list[tuple[str, str | None, dict[str, float], Noise, bool]]:
     """(kind, plan or None for the suite's own, ratios, noise, wrong guesses) of every case, in order of class."""
-    plain = Noise()
+    default = Noise()
     counts = {"null": 1, "null_coloured": 1, "null_wrong_guesses": 1} if small else {"null": 24, "null_coloured": 20}
     recipes: list[tuple[str, str | None, dict[str, float], Noise, bool]] = []
     for kind, (noise, wrong) in NULLS.items():
         recipes += [(kind, None, {}, noise, wrong)] * counts.get(kind, 20)
     singles = SMALL_SINGLES if small else LISTED
-    recipes += [("single", None, {name: r}, plain, False) for name in singles for r in ((1.5,) if small else RATIOS)]
-    recipes += [("compound", None, _several(rng, 2), plain, False) for _ in range(1 if small else 20)]
-    recipes += [("compound", None, _several(rng, 3), plain, False) for _ in range(0 if small else 6)]
+    recipes += [("single", None, {name: r}, default, False) for name in singles for r in ((1.5,) if small else RATIOS)]
+    recipes += [("compound", None, _several(rng, 2), default, False) for _ in range(1 if small else 20)]
+    recipes += [("compound", None, _several(rng, 3), default, False) for _ in range(0 if small else 6)]
     for name in ("torn_patch", "mains_hum") if small else UNLISTED:
-        recipes += [("unlisted", None, {name: r}, plain, False) for r in ((1.5,) if small else (1.5, 2.5))]
+        recipes += [("unlisted", None, {name: r}, default, False) for r in ((1.5,) if small else (1.5, 2.5))]
     if not small:
-        recipes += [("concealed", None, {weak: w, strong: s}, plain, False) for weak, w, strong, s in BEHIND]
-        recipes += [("concealed", None, {name: 1.2}, plain, True) for name in BEHIND_CALIBRATION]
-        recipes += [("twin", None, {name: 1.5}, plain, False) for pair in TWINS for name in pair]
-    recipes += [("blind", plan, {name: 1.5}, plain, False) for plan, name in (BLIND[:1] if small else BLIND)]
+        recipes += [("concealed", None, {weak: w, strong: s}, default, False) for weak, w, strong, s in BEHIND]
+        recipes += [("concealed", None, {name: 1.2}, default, True) for name in BEHIND_CALIBRATION]
+        recipes += [("twin", None, {name: 1.5}, default, False) for pair in TWINS for name in pair]
+    recipes += [("blind", plan, {name: 1.5}, default, False) for plan, name in (BLIND[:1] if small else BLIND)]
     return recipes
 
 

@@ -24,8 +24,8 @@ from ertskin.physics.effects.smooth_field import field_design
 
 Array = NDArray[np.float64]
 
-TOLD = 1e-6
-"""Part of a column's square from which on what the calibration doesn't explain of it is told."""
+LEAST_UNEXPLAINED = 1e-6
+"""Part of a column's square from which on what the calibration doesn't explain of it counts."""
 LARGEST = 5.0
 """Times what is typical of a parameter: the largest amount of an effect that a fit begins with."""
 SHARES = 0.05, 5.0
@@ -68,19 +68,19 @@ class Atom:
 
 @dataclass(frozen=True, eq=False)
 class Dictionary:
-    """What atoms would change of one signal, in B columns in units of the noise: their ``gram`` matrix (B,B); gradient
-    (B,) and Gram matrix where the fit's own numbers are at their best for each. It stands for ``share`` such signals.
+    """What atoms would change of one signal, in B columns in units of the noise: their ``gram`` matrix (B,B); reduced
+    gradient (B,) and Gram matrix, the fit's own numbers at their best for each. It stands for ``share`` such signals.
     """
 
     atoms: tuple[Atom, ...]
     gram: Array
-    gradient_beside: Array
-    gram_beside: Array
+    reduced_gradient: Array
+    reduced_gram: Array
     share: float = 1.0
 
-    def beside(self, gradient: Array) -> tuple[Array, NDArray[np.intp]]:
-        """(D,A) chi-square that each atom takes off with the fit's own numbers free, for gradients (D,B) beside them,
-        and how many numbers (A,) it takes."""
+    def falls(self, gradient: Array) -> tuple[Array, NDArray[np.intp]]:
+        """(D,A) chi-square that each atom takes off with the fit's own numbers free, for reduced gradients (D,B), and
+        how many numbers (A,) it takes."""
         falls, ranks = np.zeros((len(gradient), len(self.atoms))), np.zeros(len(self.atoms), dtype=np.intp)
         for k, atom in enumerate(self.atoms):
             along = gradient @ atom.onto
@@ -93,14 +93,14 @@ class Dictionary:
     def amount(self, number: int) -> Array:
         """(c,) the best amounts of an atom's columns, the fit's own numbers free."""
         onto = self.atoms[number].onto
-        return np.asarray(self._inverse(onto)[0] @ onto.T @ self.gradient_beside)
+        return np.asarray(self._inverse(onto)[0] @ onto.T @ self.reduced_gradient)
 
     def _inverse(self, onto: Array) -> tuple[Array, int]:
-        """The inverse of columns' Gram matrix beside the fit in the directions that are told, and how many they are."""
+        """The inverse of columns' reduced Gram matrix in the directions the fit leaves, and how many they are."""
         scale = np.sqrt(np.maximum(np.einsum("bc,bd,dc->c", onto, self.gram, onto), 1e-300))
-        size, vector = np.linalg.eigh(onto.T @ self.gram_beside @ onto / scale[:, None] / scale)
-        kept = vector[:, size > TOLD] / scale[:, None]
-        return np.asarray((kept / size[size > TOLD]) @ kept.T), kept.shape[1]
+        size, vector = np.linalg.eigh(onto.T @ self.reduced_gram @ onto / scale[:, None] / scale)
+        kept = vector[:, size > LEAST_UNEXPLAINED] / scale[:, None]
+        return np.asarray((kept / size[size > LEAST_UNEXPLAINED]) @ kept.T), kept.shape[1]
 
 
 def dictionaries(problem: VoltageProblem, solved: Solved) -> list[Dictionary]:
@@ -117,36 +117,39 @@ def dictionaries(problem: VoltageProblem, solved: Solved) -> list[Dictionary]:
 
 
 def _of_scans(problem: VoltageProblem, solved: Solved) -> Dictionary:
-    plain, kinds = [*_through_scans(problem, solved), *_pads(problem, solved)], _absent_fields(solved)
-    gradient, gram = _normal_equations(problem, solved, plain, kinds)
+    start_columns, kinds = [*_through_scans(problem, solved), *_pads(problem, solved)], _absent_fields(solved)
+    gradient, gram = _normal_equations(problem, solved, start_columns, kinds)
     own, count = solved.fit, len(solved.fit.value)
     pull = gradient[:count] - own.prior.diagonal() * own.from_prior
     cross, added = gram[count:, :count], slice(count, None)
     by_own = cross @ np.linalg.pinv(gram[:count, :count] + own.prior, rcond=1e-12, hermitian=True)
-    atoms = _atoms(problem, plain, kinds, len(gradient) - count)
-    beside = gradient[added] - by_own @ pull, gram[added, added] - by_own @ cross.T
-    return Dictionary(atoms, gram[added, added], *beside)
+    atoms = _atoms(problem, start_columns, kinds, len(gradient) - count)
+    reduced = gradient[added] - by_own @ pull, gram[added, added] - by_own @ cross.T
+    return Dictionary(atoms, gram[added, added], *reduced)
 
 
 def _atoms(
-    problem: VoltageProblem, plain: Sequence[_Plain], kinds: Sequence[type[Effect]], total: int
+    problem: VoltageProblem, start_columns: Sequence[_StartColumns], kinds: Sequence[type[Effect]], total: int
 ) -> tuple[Atom, ...]:
-    """The atoms by ``total`` columns: those of the plain starts, then those of each kind of field at the nodes."""
-    firsts = np.cumsum([0, *(one.scan.shape[1] for one in plain)]).tolist()
+    """The atoms by ``total`` columns: of starts with columns of their own, then of each kind of field at the nodes."""
+    firsts = np.cumsum([0, *(one.scan.shape[1] for one in start_columns)]).tolist()
     ends = pairwise(firsts)
-    atoms = [Atom(one.start, np.eye(total)[:, slice(*end)], one.positive) for one, end in zip(plain, ends, strict=True)]
+    atoms = [
+        Atom(one.start, np.eye(total)[:, slice(*end)], one.positive)
+        for one, end in zip(start_columns, ends, strict=True)
+    ]
     sensor, nodes = problem.evidence.sensor, int(np.prod(node_shape(problem.evidence.sensor.extent_m)))
     for k, kind in enumerate(kinds):
-        here = slice(firsts[-1] + k * nodes, firsts[-1] + (k + 1) * nodes)
+        of_kind = slice(firsts[-1] + k * nodes, firsts[-1] + (k + 1) * nodes)
         for start in kind.reading_starts(sensor, problem.evidence.protocol):
             onto = np.zeros((total, len(start.along)))
-            onto[here] = at_nodes(start, sensor.extent_m)
+            onto[of_kind] = at_nodes(start, sensor.extent_m)
             atoms.append(Atom(start, onto))
     return tuple(atoms)
 
 
 @dataclass(frozen=True, eq=False)
-class _Plain:
+class _StartColumns:
     """A start with its columns of the scans (N,c) and of the specimen (S,c)."""
 
     start: Start
@@ -155,7 +158,7 @@ class _Plain:
     positive: bool = False
 
 
-def _through_scans(problem: VoltageProblem, solved: Solved) -> Iterator[_Plain]:
+def _through_scans(problem: VoltageProblem, solved: Solved) -> Iterator[_StartColumns]:
     """Effects that act on the skin as a whole, by the scans with and without them."""
     base = _residuals(problem, solved.effects, solved)
     present = {term.name for term in solved.terms}
@@ -168,10 +171,10 @@ def _through_scans(problem: VoltageProblem, solved: Solved) -> Iterator[_Plain]:
             probes = [(start.effect.changed({key: known[key].typical}), known[key].typical) for key in start.along]
             columns = []
             for probe, size in probes or [(start.effect, 1.0)]:
-                there = _residuals(problem, (*solved.effects, probe), solved)
-                columns.append([(here - moved) / size for here, moved in zip(base, there, strict=True)])
+                probed = _residuals(problem, (*solved.effects, probe), solved)
+                columns.append([(before - moved) / size for before, moved in zip(base, probed, strict=True)])
             scan, specimen = (np.stack(part, axis=-1) for part in zip(*columns, strict=True))
-            yield _Plain(start, scan, specimen, _positive(start))
+            yield _StartColumns(start, scan, specimen, _positive(start))
 
 
 def _residuals(problem: VoltageProblem, effects: Sequence[Effect], solved: Solved) -> tuple[Array, Array]:
@@ -186,7 +189,7 @@ def _positive(start: Start) -> bool:
     return not start.along or (len(start.along) == 1 and known[start.along[0]].low >= known[start.along[0]].neutral)
 
 
-def _pads(problem: VoltageProblem, solved: Solved) -> Iterator[_Plain]:
+def _pads(problem: VoltageProblem, solved: Solved) -> Iterator[_StartColumns]:
     """Displaced pads, from the shape derivatives that the linearised skin holds."""
     sensor = problem.evidence.sensor
     if sensor.electrode_edge_m is not None:
@@ -203,7 +206,7 @@ def _pads(problem: VoltageProblem, solved: Solved) -> Iterator[_Plain]:
             for k, state in enumerate(patch.states):
                 columns[patch.rows[patch.state_of == k]] = state.pads[:, electrode]
         moved = np.where(problem.weight[:, None, None] > 0, columns / problem.evidence.noise_v, 0.0)
-        yield _Plain(start, problem.evidence.discounted(moved).reshape(-1, 2), nothing)
+        yield _StartColumns(start, problem.evidence.discounted(moved).reshape(-1, 2), nothing)
 
 
 def _number(effect: Effect) -> int:
@@ -217,14 +220,16 @@ def _absent_fields(solved: Solved) -> list[type[Effect]]:
 
 
 def _normal_equations(
-    problem: VoltageProblem, solved: Solved, plain: Sequence[_Plain], kinds: Sequence[type[Effect]]
+    problem: VoltageProblem, solved: Solved, start_columns: Sequence[_StartColumns], kinds: Sequence[type[Effect]]
 ) -> tuple[Array, Array]:
-    """Gradient and Gram matrix of the fit's own columns, the plain ones, and those of fields at the nodes."""
+    """Gradient and Gram matrix of the fit's own columns, the starts', and those of fields at the nodes."""
     known, known_specimen = problem.last_columns
     times, width = solved.scan_residual.shape
-    whole = np.concatenate([known.reshape(times * width, -1), *(one.scan for one in plain)], axis=1, dtype=np.float32)
+    whole = np.concatenate(
+        [known.reshape(times * width, -1), *(one.scan for one in start_columns)], axis=1, dtype=np.float32
+    )
     whole = whole.reshape(times, width, -1)
-    specimen = np.concatenate([known_specimen, *(one.specimen for one in plain)], axis=1)
+    specimen = np.concatenate([known_specimen, *(one.specimen for one in start_columns)], axis=1)
     count = whole.shape[-1]
     nodes = int(np.prod(node_shape(problem.evidence.sensor.extent_m)))
     total = count + nodes * len(kinds)
@@ -266,8 +271,8 @@ def _of_leftover(problem: VoltageProblem, solved: Solved) -> Dictionary:
     for first in range(0, len(wrong), FRAMES):
         rows = slice(first, first + FRAMES)
         # Readings left out are noughts in the residual, too.
-        told = (wrong[rows] != 0).ravel()
-        columns = np.stack([np.where(told, change(rows).ravel(), 0.0) for change in changes], axis=-1)
+        read = (wrong[rows] != 0).ravel()
+        columns = np.stack([np.where(read, change(rows).ravel(), 0.0) for change in changes], axis=-1)
         gradient += columns.T @ wrong[rows].ravel()
         gram += columns.T @ columns
     atoms = tuple(Atom(s, np.eye(len(starts))[:, k : k + 1], _positive(s)) for k, s in enumerate(starts))

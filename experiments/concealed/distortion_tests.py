@@ -55,8 +55,8 @@ def by_distortion_tests(
     ``DRAWS`` draws allow 1 - 1/501 at most. What is named is fitted together once, after it is named, for the presses
     held out to judge.
     """
-    there = settled(build, build(None).solve(fixed, start))
-    problem, before = exact(there.problem, there.solved)
+    checked = settled(build, build(None).solve(fixed, start))
+    problem, before = exact(checked.problem, checked.solved)
     report(0.3, "testing all distortions")
     named = significant(outcomes(dictionaries(problem, before), DRAWS), LEVEL)
     report(0.6, f"{len(named)} names significant")
@@ -93,9 +93,9 @@ def _falls_and_chances(one: Dictionary, draws: int, rng: np.random.Generator) ->
 
     White noise of unit size along columns left of the calibration has their Gram matrix for its covariance.
     """
-    size, vector = np.linalg.eigh(one.gram_beside)
+    size, vector = np.linalg.eigh(one.reduced_gram)
     noise = rng.standard_normal((draws, len(size))) * np.sqrt(np.maximum(size, 0.0)) @ vector.T
-    falls, ranks = one.beside(np.vstack([one.gradient_beside, noise]))
+    falls, ranks = one.falls(np.vstack([one.reduced_gradient, noise]))
     chances = np.where(ranks > 0, chi2.logsf(falls, np.maximum(ranks, 1)), 0.0)
     return falls[0], chances
 

@@ -100,14 +100,14 @@ def _settle_what(cases: list[Case], out: Path) -> None:
     """Raises ``SystemExit`` where the folder holds cases of another seed, size or plan; else notes these."""
     noted = out / "cases.json"
     known = json.loads(noted.read_text()) if noted.exists() else {}
-    here = {case.name: [case.seed, case.kind, case.plan] for case in cases}
-    other = sorted(name for name, what in here.items() if known.get(name, what) != what)
+    asked = {case.name: [case.seed, case.kind, case.plan] for case in cases}
+    other = sorted(name for name, what in asked.items() if known.get(name, what) != what)
     if other:
         raise SystemExit(
             f"{out} holds other cases by these names ({other[0]}, …): another seed, size or plan; use another folder"
         )
     out.mkdir(parents=True, exist_ok=True)
-    _write_json(noted, known | here)
+    _write_json(noted, known | asked)
 
 
 def _write_json(path: Path, content: dict[str, Any]) -> None:

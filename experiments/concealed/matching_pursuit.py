@@ -67,7 +67,7 @@ def _one_more(build: Problem, incumbent: CheckedFit) -> CheckedFit | None:
     found = [
         (one.share * fall, one, k)
         for one in dictionaries(problem, current)
-        for k, fall in enumerate(one.beside(one.gradient_beside[None])[0][0])
+        for k, fall in enumerate(one.falls(one.reduced_gradient[None])[0][0])
     ]
     most, one, number = max(found, key=lambda each: each[0], default=(0.0, None, 0))
     if one is None or most <= 0:

@@ -83,15 +83,15 @@ def by_lisdd(
         return Selection(whole, whole, (), problem, ())
     even = [cell for cell in range(problem.cell_count) if cell % 2 == 0]
     half, other = _on(problem, even), _on(problem, [c for c in range(problem.cell_count) if c % 2])
-    plain = half.solve(fixed, whole.calibration)
-    lost = _energy(other, plain)
+    without = half.solve(fixed, whole.calibration)
+    lost = _energy(other, without)
     trials = [
-        _joined(half, plain, c, c.term.effect.stage == "acquisition")
-        for c in _one_of_each(screen(half, plain, partitions), len(partitions) + 20)
+        _joined(half, without, c, c.term.effect.stage == "acquisition")
+        for c in _one_of_each(screen(half, without, partitions), len(partitions) + 20)
     ]
     best = min(trials, key=lambda t: _energy(other, t), default=None)
     count = int((other.weight > 0).sum()) * width
-    p_value = 1.0 if best is None else _f_test(lost, _energy(other, best), best, plain, count)
+    p_value = 1.0 if best is None else _f_test(lost, _energy(other, best), best, without, count)
     if best is None or p_value > ACCEPTED_P:
         return Selection(whole, whole, (), problem, ())
     problem = build(problem.solve(best.terms, best.calibration))

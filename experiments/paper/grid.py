@@ -37,9 +37,9 @@ def main() -> None:
     threads = {name: "1" for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")}
     subprocess.run([sys.executable, "-m", "ertskin.cli", *sweep], check=True, env={**os.environ, **threads})
     rows = table(chosen.folder)
-    here = Path(__file__).resolve().parent
-    (here / "grid.json").write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
-    draw(rows, here / "grid.png")
+    script_folder = Path(__file__).resolve().parent
+    (script_folder / "grid.json").write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
+    draw(rows, script_folder / "grid.png")
     for row in rows:
         print(row)
 

@@ -16,7 +16,7 @@ import ablation
 from ablation import RULES, Count, Judged, of_reasons, table, without
 
 
-def standing(place: str) -> Any:
+def resolved(place: str) -> Any:
     """What stands at a dotted place."""
     parts = place.split(".")
     for count in range(len(parts), 0, -1):
@@ -32,10 +32,10 @@ def standing(place: str) -> Any:
 
 @pytest.mark.parametrize("rule", RULES)
 def test_a_rule_is_switched_off_and_on_again(rule: str) -> None:
-    before = [standing(place) for place in RULES[rule].where]
+    before = [resolved(place) for place in RULES[rule].where]
     with without(rule):
-        assert all(standing(place) is RULES[rule].instead for place in RULES[rule].where)
-    assert [standing(place) for place in RULES[rule].where] == before
+        assert all(resolved(place) is RULES[rule].instead for place in RULES[rule].where)
+    assert [resolved(place) for place in RULES[rule].where] == before
 
 
 def case(name: str, hidden: list[str], claimed: dict[str, float], ratio: float = 1.0) -> Judged:

@@ -104,12 +104,12 @@ def atom_of(found: Dictionary, kind: type[Effect]) -> int:
 
 def test_what_an_atom_takes_off_is_what_the_joint_fit_gains() -> None:
     problem = problem_of(TILTED)
-    plain = problem.solve((), START)
-    found, _ = dictionaries(problem, plain)
+    uncorrected = problem.solve((), START)
+    found, _ = dictionaries(problem, uncorrected)
     number = atom_of(found, SheetAnisotropy)
-    with_it = problem.solve([found.atoms[number].term(found.amount(number))], plain.calibration)
-    fall = found.beside(found.gradient_beside[None])[0][0, number]
-    assert fall == pytest.approx(2 * (plain.cost - with_it.cost), rel=0.05)
+    with_it = problem.solve([found.atoms[number].term(found.amount(number))], uncorrected.calibration)
+    fall = found.falls(found.reduced_gradient[None])[0][0, number]
+    assert fall == pytest.approx(2 * (uncorrected.cost - with_it.cost), rel=0.05)
     assert found.amount(number)[1] == pytest.approx(TILTED.stretch_diagonal, rel=0.1)
 
 
@@ -118,18 +118,18 @@ def test_what_the_calibration_explains_too_no_atom_is_credited_with() -> None:
     found, _ = dictionaries(problem, problem.solve((), START))
     number = atom_of(found, SheetAnisotropy)
     onto = found.atoms[number].onto
-    raw, beside = (np.diag(onto.T @ gram @ onto) for gram in (found.gram, found.gram_beside))
-    assert (beside < raw).all()
-    assert (beside > 0).all()
+    raw, reduced = (np.diag(onto.T @ gram @ onto) for gram in (found.gram, found.reduced_gram))
+    assert (reduced < raw).all()
+    assert (reduced > 0).all()
 
 
 def test_effects_in_the_fit_are_no_atoms() -> None:
     problem = problem_of(TILTED)
-    plain = problem.solve((), START)
-    found, _ = dictionaries(problem, plain)
+    uncorrected = problem.solve((), START)
+    found, _ = dictionaries(problem, uncorrected)
     number = atom_of(found, SheetAnisotropy)
-    there = problem.solve([found.atoms[number].term(found.amount(number))], plain.calibration)
-    names = {atom.effect.name for one in dictionaries(problem, there) for atom in one.atoms}
+    corrected = problem.solve([found.atoms[number].term(found.amount(number))], uncorrected.calibration)
+    names = {atom.effect.name for one in dictionaries(problem, corrected) for atom in one.atoms}
     assert SheetAnisotropy.name not in names
     assert {PiezoHysteresis.name, ChannelGain.name} <= names
 
@@ -138,7 +138,7 @@ def test_the_instrument_shows_in_what_no_network_explains() -> None:
     problem = problem_of(LOUD)
     scans, leftover = dictionaries(problem, problem.solve((), START))
     assert not any(isinstance(atom.effect, ChannelGain) for atom in scans.atoms)
-    number = int(leftover.beside(leftover.gradient_beside[None])[0].argmax())
+    number = int(leftover.falls(leftover.reduced_gradient[None])[0].argmax())
     best = leftover.atoms[number].effect
     assert isinstance(best, ChannelGain)
     assert best.channel == LOUD.channel
@@ -215,10 +215,10 @@ def test_the_pursuit_finds_the_instrument_beside_the_sheet() -> None:
 
 def test_a_fold_s_error_is_of_presses_that_the_fit_has_not_seen() -> None:
     problem = problem_of(TILTED)
-    plain = problem.solve((), START)
-    seen = float((plain.scan_residual[problem.cells == 1] ** 2).sum())
+    uncorrected = problem.solve((), START)
+    seen = float((uncorrected.scan_residual[problem.cells == 1] ** 2).sum())
     beyond = SCAN.count - SCAN.orthonormal.shape[1]
-    without = error_without(problem, plain, [1])
+    without = error_without(problem, uncorrected, [1])
     assert without - beyond * FOUR_PRESSES > seen
 
 

@@ -35,9 +35,9 @@ def test_the_truths_first_row_is_the_top(run, tmp_path: Path):
     with h5py.File(tmp_path / "tank.h5", "w") as file:
         file["truth/segmentation"] = image
         file["sensor/outline_m"] = 0.1 * np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]])
-    place_m, there = run.truth(tmp_path / "tank.h5", 0)
-    assert place_m[there == 1].mean(axis=0) == pytest.approx([0.0, 0.053], abs=2e-3)
-    assert place_m[there == -1].mean(axis=0) == pytest.approx([-0.053, -0.04], abs=2e-3)
+    place_m, sign = run.truth(tmp_path / "tank.h5", 0)
+    assert place_m[sign == 1].mean(axis=0) == pytest.approx([0.0, 0.053], abs=2e-3)
+    assert place_m[sign == -1].mean(axis=0) == pytest.approx([-0.053, -0.04], abs=2e-3)
     assert np.linalg.norm(place_m, axis=1).max() < 0.1
 
 

@@ -42,7 +42,7 @@ from ertskin.report.figures.image import png
 from ertskin.steps import run_step
 
 Array = NDArray[np.float64]
-HERE = Path(__file__).parent
+FOLDER = Path(__file__).parent
 COUNTS = (6, 3, 12, 1, 2)
 """The one that matters first."""
 DRAWS = (0, 1, 2)
@@ -94,8 +94,8 @@ def main() -> None:
     for name in RIGS:
         for so_far in curve(data, name, work):
             found[name] = so_far
-            write_whole(HERE / "results.json", json.dumps(found, indent=1))
-            write_whole(HERE / "few_presses.png", png(force_against_presses(found)))
+            write_whole(FOLDER / "results.json", json.dumps(found, indent=1))
+            write_whole(FOLDER / "few_presses.png", png(force_against_presses(found)))
 
 
 def curve(data: Path, name: str, work: Path) -> Iterator[dict[str, Any]]:

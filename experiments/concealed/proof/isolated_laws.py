@@ -281,14 +281,14 @@ def field(kind: type[Form], skin: Skin) -> float:
     point = _over(skin, 60)
     said = form_of(kind, skin).map(point)  # type: ignore[attr-defined]
     bases = [np.zeros((len(point), 0)), *smooth_bases(point, skin.box_m)]
-    best = min(rms(_beside(basis, said)) for basis in bases)
+    best = min(rms(_unexplained(basis, said)) for basis in bases)
     for basis, start in _promising(said, list(starts_of(kind.name, "readings", seen_of(skin))), bases, point, skin):
 
         def missed(effect: Effect | None, basis: Array = basis) -> Array:
-            return _beside(basis, said - (0.0 if effect is None else _map_of(effect, point, skin)))
+            return _unexplained(basis, said - (0.0 if effect is None else _map_of(effect, point, skin)))
 
         best = min(best, left_of([start], missed) * rms(missed(None)))
-    return best / rms(_beside(bases[0], said))
+    return best / rms(_unexplained(bases[0], said))
 
 
 def smooth_bases(point_m: Array, extent_m: Array) -> Iterator[Array]:
@@ -309,7 +309,7 @@ def smooth_bases(point_m: Array, extent_m: Array) -> Iterator[Array]:
         yield at_points @ (turned[:MOST_MODES][kept] / np.sqrt(variance[:MOST_MODES][kept])[:, None]).T
 
 
-def _beside(basis: Array, value: Array) -> Array:
+def _unexplained(basis: Array, value: Array) -> Array:
     """What of values (N,...) neither their mean nor a basis (N,K) explains."""
     value = value - value.mean(axis=0)
     return np.asarray(value - basis @ (basis.T @ value))
@@ -322,11 +322,13 @@ def _promising(
 
     ``BEGUN`` of them alone, with the first basis, which is empty, and as many with a smooth field.
     """
-    shape = _beside(bases[0], np.stack([_map_of(s.effect.changed(_begun(s)), point, skin) for s in starts], axis=1))
+    shape = _unexplained(
+        bases[0], np.stack([_map_of(s.effect.changed(_begun(s)), point, skin) for s in starts], axis=1)
+    )
     whole = (shape**2).sum(axis=0)
     left = np.zeros((len(bases), len(starts)))
     for number, basis in enumerate(bases):
-        wanted = _beside(basis, said)
+        wanted = _unexplained(basis, said)
         free = np.maximum(whole - ((basis.T @ shape) ** 2).sum(axis=0), NOTHING * whole)
         left[number] = wanted @ wanted - (wanted @ shape) ** 2 / free
     for form in sorted({start.free for start in starts}):

@@ -27,7 +27,7 @@ TWIN = TWO_TIMES.effect
 SHAPE = held_by([*(STARTS[e.name][0] for e in (HYSTERESIS, SOFTENING)), TWO_TIMES])
 """Parameters held where the relaxation has two times."""
 POWERS = (1.0, 2.0, 3.0, 5.0, 8.0, 12.0)
-PLAIN = (
+CONSTRAINED_EFFECTS = (
     FoamSoftening(excess=0.1, kept=0.5, presses=1.0),
     FoamHysteresis(loss=0.05, reversal=0.2),
     ViscoelasticFoam(fraction=0.2, time_s=1.0, slow_fraction=0.1, slow_time_s=60.0, remembers_air=True),
@@ -111,7 +111,7 @@ def elastic_fit(specimens: list[Specimen], rows: list[Rows]) -> Prediction:
 
 
 @dataclass(frozen=True)
-class PlainFit:
+class ConstrainedFit:
     """The plain constrained fit: powers of the strain with weights not negative, a two-term Prony series,
     force-driven hysteresis, softening of the first cycle; the load cell's zero as recorded, and the gap unless
     ``mended``."""
@@ -120,12 +120,12 @@ class PlainFit:
 
     def __call__(self, specimens: list[Specimen], rows: list[Rows]) -> Prediction:
         """Fitted by least squares, the powers' weights solved for at every step."""
-        keys = [(k, key) for k, e in enumerate(PLAIN) for key in e.parameters() if key != "rejoin"]
-        known = [PLAIN[k].parameters()[key] for k, key in keys]
+        keys = [(k, key) for k, e in enumerate(CONSTRAINED_EFFECTS) for key in e.parameters() if key != "rejoin"]
+        known = [CONSTRAINED_EFFECTS[k].parameters()[key] for k, key in keys]
         force_n = np.concatenate([s.test.force_n[r] for s, r in zip(specimens, rows, strict=True)])
 
         def columns(x: Array, of: Specimen) -> Array:
-            now = list(PLAIN)
+            now = list(CONSTRAINED_EFFECTS)
             for (k, key), value in zip(keys, x, strict=True):
                 now[k] = replace(now[k], **{key: float(value)})
             return self._powers(tuple(now), of)
@@ -136,7 +136,7 @@ class PlainFit:
             return weights, stacked @ weights - force_n
 
         low, high = np.array([p.low for p in known]), np.array([p.high for p in known])
-        start = np.clip([getattr(PLAIN[k], key) for k, key in keys], low + 1e-9, high - 1e-9)
+        start = np.clip([getattr(CONSTRAINED_EFFECTS[k], key) for k, key in keys], low + 1e-9, high - 1e-9)
         scale = [p.typical for p in known]
         found = least_squares(
             lambda x: fitted(x)[1], start, bounds=(low, high), x_scale=scale, diff_step=1e-3, max_nfev=60

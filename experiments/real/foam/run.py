@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 from figures import dwell_figure, parameter_figure, slow_figure
-from forms import FORMS, OURS, PlainFit, elastic_fit
+from forms import FORMS, OURS, ConstrainedFit, elastic_fit
 from numpy.typing import NDArray
 from specimen import Fit, Specimen
 
@@ -25,8 +25,12 @@ from ertskin.report.figures.image import save_png
 
 Array = NDArray[np.float64]
 NUMBERS = (1, 2, 3, 4, 5)
-ELASTIC, PLAIN, CHOSEN = "elastic", "plain constrained fit", "form the four chose"
-BASELINES: dict[str, Fit] = {ELASTIC: elastic_fit, PLAIN: PlainFit(), f"{PLAIN}, gap mended": PlainFit(mended=True)}
+ELASTIC, CONSTRAINED, CHOSEN = "elastic", "plain constrained fit", "form the four chose"
+BASELINES: dict[str, Fit] = {
+    ELASTIC: elastic_fit,
+    CONSTRAINED: ConstrainedFit(),
+    f"{CONSTRAINED}, gap mended": ConstrainedFit(mended=True),
+}
 
 
 def main() -> None:
@@ -46,7 +50,7 @@ def main() -> None:
         specimens, results["chosen"]["by the slow parts of the other four"]["form"]
     )
     write_whole(out / "results.json", json.dumps(results, indent=1) + "\n")
-    drawn = {ELASTIC: "tab:gray", PLAIN: "tab:orange", OURS: "tab:red"}
+    drawn = {ELASTIC: "tab:gray", CONSTRAINED: "tab:orange", OURS: "tab:red"}
     save_png(slow_figure([s.test for s in specimens], predictions, drawn), out / "slow.png")
     save_png(dwell_figure(specimens[0].coupon, specimens[0].test), out / "dwell.png")
     models = [fit_coupon([s.test], [s.fast], FORM, HELD) for s in specimens]
@@ -98,7 +102,11 @@ def left_out(specimens: list[Specimen], names: list[str]) -> dict[str, Any]:
         others = specimens[:k] + specimens[k + 1 :]
         rows = [s.fast | s.slow for s in others]
         form = FORMS[names[k]]
-        shared = {ELASTIC: elastic_fit(others, rows), PLAIN: PlainFit()(others, rows), CHOSEN: form(others, rows)}
+        shared = {
+            ELASTIC: elastic_fit(others, rows),
+            CONSTRAINED: ConstrainedFit()(others, rows),
+            CHOSEN: form(others, rows),
+        }
         forces = {f"{name}, all from the four": predict(fifth) for name, predict in shared.items()}
         forces[f"{ELASTIC}, its own curve"] = elastic_fit([fifth], [fifth.fast])(fifth)
         forces[f"{CHOSEN}, its own curve"] = form.remembering(others, rows)([fifth], [fifth.fast])(fifth)

@@ -151,9 +151,9 @@ def power(found: list[dict[str, Any]]) -> list[dict[str, float]]:
     true = np.array([np.abs(one["true_shift"]).max() for one in found])
     said = np.array([bool(displaced(one)) for one in found])
     return [
-        {"from": a, "to": b, "cases": int(here.sum()), "named": int(said[here].sum())}
+        {"from": a, "to": b, "cases": int(inside.sum()), "named": int(said[inside].sum())}
         for a, b in pairwise(edges)
-        if (here := (true >= a) & (true < b)).any()
+        if (inside := (true >= a) & (true < b)).any()
     ]
 
 

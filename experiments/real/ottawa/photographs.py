@@ -36,9 +36,9 @@ def angles_alone(center_m: Array) -> Array:
 def blur(center_m: Array, radius_m: float, seed: int = 0) -> float:
     """Rms by which ``expected_shift`` moves where every photographed place is off by ``ACCURACY``, along each axis."""
     draw = np.random.default_rng(seed)
-    here = expected_shift(center_m)
+    unmoved = expected_shift(center_m)
     off = [
-        expected_shift(center_m + ACCURACY / np.sqrt(2) * radius_m * draw.standard_normal(center_m.shape)) - here
+        expected_shift(center_m + ACCURACY / np.sqrt(2) * radius_m * draw.standard_normal(center_m.shape)) - unmoved
         for _ in range(DRAWS)
     ]
     return float(np.sqrt(np.mean(np.square(off))))

@@ -23,10 +23,10 @@ def maps_figure(
     figure = Figure(figsize=(3.4 * len(names) + 1, 3.5 * len(maps)), layout="constrained")
     axes = figure.subplots(len(maps), len(names), squeeze=False)
     for row, (frame, mine) in zip(axes, maps.items(), strict=True):
-        place, there = truths[frame]
+        place, sign = truths[frame]
         for axis, name in zip(row, names, strict=True):
             image = draw_map(axis, sensor, mine[name])
-            axis.tricontour(*1e3 * place[::3].T, there[::3], levels=[-0.5, 0.5], colors="k", linewidths=0.9)
+            axis.tricontour(*1e3 * place[::3].T, sign[::3], levels=[-0.5, 0.5], colors="k", linewidths=0.9)
             axis.set_title(f"frame {frame}\n{name}", fontsize=8)
     ticks = (0.1, 0.3, 1, 3, 10)
     bar = figure.colorbar(image, ax=axes.ravel().tolist(), label="conductivity over the empty tank's", shrink=0.6)

@@ -93,14 +93,14 @@ def electrodes(protocol: Protocol, voltage_v: Array) -> dict[str, Any]:
                 "ratio_before": rms_v(protocol, scan) / noise,
                 "ratio_after": rms_v(protocol, mended) / noise,
                 "unexplained_v": rms_v(protocol, scan),
-                "unexplained_beside_offsets_v": beside_offsets_v(protocol, scan),
+                "unexplained_beside_offsets_v": unexplained_with_offsets_v(protocol, scan),
                 "columns": [vars(c) for w in errors.weights(protocol) for c in column_errors(protocol, scan, w)],
             }
         )
     return found
 
 
-def beside_offsets_v(protocol: Protocol, scan_v: Array) -> float:
+def unexplained_with_offsets_v(protocol: Protocol, scan_v: Array) -> float:
     """Rms in volt, per degree of freedom, of what neither a network nor an offset of every column explains."""
     offsets = np.tile(np.eye(protocol.shape[1]), (protocol.shape[0], 1))
     known = np.linalg.qr(np.column_stack([protocol.orthonormal, offsets]))[0]
@@ -148,9 +148,9 @@ def truth(path: Path, frame: int) -> tuple[Array, Array]:
     return place_m[inside], np.choose(image.ravel(), [0.0, -1.0, 1.0])[inside]
 
 
-def correlation(one: InclusionMap, place_m: Array, there: Array) -> float:
+def correlation(one: InclusionMap, place_m: Array, sign: Array) -> float:
     """Pearson's, of the log ratio with the truth, over the tank's pixels."""
-    return float(np.corrcoef(np.nan_to_num(one.at(place_m)), there)[0, 1])
+    return float(np.corrcoef(np.nan_to_num(one.at(place_m)), sign)[0, 1])
 
 
 def table(results: dict[str, Any]) -> str:

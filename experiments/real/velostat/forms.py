@@ -152,10 +152,10 @@ class Form:
         scale = np.r_[np.full(laws, 0.3), [k.typical for k in known], np.full(places, 0.2)]
 
         def cost(x: Array) -> Array:
-            model, here = Fitted(self, chain, x), x[laws + effects :]
-            wrong = [(model(f, here) - f.log_resistance)[r] for f, r in zip(films, rows, strict=True)]
+            model, of_place = Fitted(self, chain, x), x[laws + effects :]
+            wrong = [(model(f, of_place) - f.log_resistance)[r] for f, r in zip(films, rows, strict=True)]
             # A place's sensitivity is known beforehand as well as a hundredth of a reading would tell it.
-            return np.concatenate([*wrong, 0.1 * here / SPREAD])
+            return np.concatenate([*wrong, 0.1 * of_place / SPREAD])
 
         fit = least_squares(
             cost, start, bounds=(low, high), x_scale=scale, loss="soft_l1", f_scale=OUTLYING, max_nfev=FEW
@@ -186,11 +186,11 @@ class Fitted:
 
     def __call__(self, film: Film, log_sensitivity: Array) -> Array:
         """(N,) log resistance of a whole recording."""
-        here = log_sensitivity[film.press] if self.form.places else np.zeros(len(film.press))
-        stress = film.stress_pa * (np.exp(here) if self.form.places == "sensitivity" else 1.0)
+        of_press = log_sensitivity[film.press] if self.form.places else np.zeros(len(film.press))
+        stress = film.stress_pa * (np.exp(of_press) if self.form.places == "sensitivity" else 1.0)
         pressure, factor = felt(self.effects, stress[:, None], np.zeros((1, 2)), film.time_s, np.zeros((2, 2)))
         law = self.form.law.at(self.x, pressure[:, 0]) + np.log(np.ravel(factor))
-        return np.asarray(law - (here if self.form.places == "resistance" else 0.0))
+        return np.asarray(law - (of_press if self.form.places == "resistance" else 0.0))
 
 
 @dataclass(frozen=True)

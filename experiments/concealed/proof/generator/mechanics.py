@@ -228,7 +228,6 @@ class _Softening(_Part):
         self.size, self.now = size, 0.0
         self.places: list[Array] = []
         self.kept: list[float] = []
-        self.here = np.zeros(2)
 
     def begin(self, position_m: Array, stiffness_n_per_m: float, height_m: float) -> None:
         super().begin(position_m, stiffness_n_per_m, height_m)

@@ -107,8 +107,8 @@ def _split_lost(points: Array, lines: list[Array]) -> tuple[Array, Delaunay]:
         start, neighbours = mesh.vertex_neighbor_vertices
         first, lost = 0, False
         for number, line in enumerate(lines):
-            here, kept = first + np.arange(len(line)), []
-            for i, j in zip(here, np.roll(here, -1), strict=True):
+            indices, kept = first + np.arange(len(line)), []
+            for i, j in zip(indices, np.roll(indices, -1), strict=True):
                 kept.append(cloud[i])
                 if j not in neighbours[start[i] : start[i + 1]]:
                     kept.append(0.5 * (cloud[i] + cloud[j]))
