@@ -174,7 +174,7 @@ def test_the_configuration_offers_what_it_has():
     assert "mlflow" in choices("tracking")
 
 
-def test_the_dashboard_serves_until_told_to_stop_and_leaves_nothing_running(workplace):
+def test_the_dashboard_serves_until_stopped_and_leaves_nothing_running(workplace):
     command = [sys.executable, "-m", "ertskin.cli", "dashboard", "port=0", "open=false"]
     server = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     try:

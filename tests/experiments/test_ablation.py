@@ -55,7 +55,7 @@ def test_names_are_counted_at_a_half() -> None:
     assert Count.of(CASES) == Count(1, 1, 1, 1, (1.0, 1.5), 4.0)
 
 
-def test_what_rules_took_is_told_by_the_claims_reasons() -> None:
+def test_what_rules_took_is_counted_by_the_claims_reasons() -> None:
     assert "| `mending` | 1 | 0 | 2 | 1 |" in of_reasons(CASES)
 
 

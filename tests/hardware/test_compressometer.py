@@ -35,7 +35,7 @@ def test_a_table_is_read(tmp_path: Path) -> None:
         (TABLE + "1,2,3,0.5\n", "cycle"),
     ],
 )
-def test_what_is_no_table_is_told(text: str, expected: str, tmp_path: Path) -> None:
+def test_what_is_no_table_is_reported(text: str, expected: str, tmp_path: Path) -> None:
     path = tmp_path / "specimen.csv"
     path.write_text(text)
     with pytest.raises(RecordingError, match=expected):

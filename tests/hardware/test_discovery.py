@@ -43,7 +43,7 @@ def test_a_rig_answers_or_says_who_does_not() -> None:
     bench.close()
 
 
-def test_a_description_that_makes_no_sense_is_told_in_a_line() -> None:
+def test_a_description_that_makes_no_sense_is_reported_in_a_line() -> None:
     bench = small_bench()
     for part, changed, expected in (
         ("stage", {"driver": "abacus"}, "abacus"),

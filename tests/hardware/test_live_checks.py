@@ -30,7 +30,7 @@ def test_a_sound_skin_gives_no_warning_and_its_noise() -> None:
     assert soundness.saturated == 0.0
 
 
-def test_readings_no_network_gives_are_told() -> None:
+def test_readings_no_network_gives_are_reported() -> None:
     checks = LiveChecks(PROTOCOL)
     assert checks.look(scan(REST_V)).warnings() == []
     swapped = REST_V.copy()
@@ -38,7 +38,7 @@ def test_readings_no_network_gives_are_told() -> None:
     assert any("reciprocity defect" in text for text in checks.look(scan(swapped)).warnings())
 
 
-def test_saturation_is_told_by_limit_or_by_the_device() -> None:
+def test_saturation_is_reported_by_limit_or_by_the_device() -> None:
     checks = LiveChecks(PROTOCOL)
     high = REST_V.copy()
     high[0, 0] = 10.0

@@ -52,7 +52,7 @@ def test_test_plans_press_elsewhere() -> None:
     assert two.presses[0].weight_n == pytest.approx(4.903, abs=1e-3)
 
 
-def test_a_plan_survives_plain_types() -> None:
+def test_a_plan_survives_builtin_types() -> None:
     for plan in (taxel_plan(TAXELS[:3]), two_point_test(TAXELS, [(0, 35)]), repeated(one_point_test(TAXELS[:2]), 2)):
         assert plan_of(json.loads(json.dumps(plan.as_dict()))) == plan
 

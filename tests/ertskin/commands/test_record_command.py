@@ -136,7 +136,7 @@ def test_a_plan_from_a_file_or_a_diagnosis(tmp_path: Path, capsys: pytest.Captur
         ("sensor.electrode_size_m=[1,2,3]", "sensor"),
     ],
 )
-def test_what_can_not_be_is_told_in_a_line(
+def test_what_can_not_be_is_reported_in_a_line(
     word: str, expected: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(words(tmp_path / "a.h5", 1, word)) == 2

@@ -65,7 +65,7 @@ def test_presses_are_asked_for_until_there_are_enough(tmp_path: Path, capsys: py
         ("plan.unheard_of=1", "plan.unheard_of"),
     ],
 )
-def test_wrong_settings_are_told_in_a_line(
+def test_wrong_settings_are_reported_in_a_line(
     word: str, expected: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(words(tmp_path / "a.h5", word if "unheard" not in word else f"+{word}")) == 2

@@ -32,7 +32,7 @@ def design() -> PressDesign:
     return PressDesign(toy_table(), *pressed(PLACES[[0, 4]]), largest_n=5.0)
 
 
-def test_what_a_press_more_will_tell_is_what_it_has_told_once_made(design: PressDesign) -> None:
+def test_what_a_press_more_is_expected_to_gain_is_what_it_gains_once_made(design: PressDesign) -> None:
     foretold = design.accuracies(PLACES[[7]], FORCES)[0]
     made = PressDesign(design.table, *pressed(PLACES[[0, 4, 7]]), largest_n=5.0)
     made.processes = design.processes

@@ -59,7 +59,7 @@ def along_force(table, place, force, seen):
     return np.einsum("nd,nd->n", seen - rows[:, 0], rows[:, 3]) / (rows[:, 3] ** 2).sum(axis=1)
 
 
-def test_each_number_is_told_across_those_before():
+def test_each_number_is_found_across_those_before():
     table, (place, force) = toy_table(), presses(3, 2)
     basis, slope = modes(table, place, force), slopes(table, place, force)
     products = np.einsum("nad,nbd->nab", basis, basis)
@@ -140,6 +140,6 @@ def test_what_differs_from_press_to_press_is_carried_nowhere():
     assert np.abs(found.at(place, force)[:, 1:3]).mean() < 0.5 * np.abs(one.at(place, force)[:, 1:3]).mean()
 
 
-def test_a_network_with_errors_told_otherwise_is_refused():
+def test_a_network_with_errors_of_another_form_is_refused():
     with pytest.raises(UserError, match="train again"):
         ContactsNetwork(28, [[0.0, 0.0], [0.02, 0.0], [0.0, 0.02], [0.02, 0.02]], shapes={"spread": [4]})

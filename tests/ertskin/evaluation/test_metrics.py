@@ -74,7 +74,7 @@ def test_correlation_of_a_constant_is_not_a_number():
     assert np.isnan(force_correlation_one(Outcome(truth, np.ones((36, 36)), np.ones((36, 36), bool), TAXEL_M)).value)
 
 
-def test_two_point_metrics_by_a_plain_loop():
+def test_two_point_metrics_by_a_loop():
     outcome = trials(2, seed=1)
     exact, errors = [], []
     for truth, estimate, present in zip(outcome.true_map_n, outcome.map_n, outcome.present, strict=True):

@@ -77,7 +77,7 @@ def test_noise_and_spikes_are_no_touch_a_light_press_is() -> None:
     assert [len(known.see(scan).contacts) for scan in scans(50) + scans(1, 0.01)] == [0] * 50 + [1]
 
 
-def test_drift_is_told_until_zeroed() -> None:
+def test_drift_is_reported_until_zeroed() -> None:
     watched = session()
     quiet = [watched.see(scan) for scan in scans(10)]
     assert all(frame.drift < 1.0 for frame in quiet)
@@ -96,7 +96,7 @@ def test_a_touch_is_no_drift() -> None:
     assert watched.see(scans(1, 0.1)[0]).drift == 0.0
 
 
-def test_lost_and_saturated_scans_are_told() -> None:
+def test_lost_and_saturated_scans_are_reported() -> None:
     watched = session()
     scan = scans(1)[0]
     frame = watched.see(Scan(0.0, scan.voltage_v, saturated=np.ones((28, 8), bool), lost=2))

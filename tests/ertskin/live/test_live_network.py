@@ -110,7 +110,7 @@ def test_runs_where_there_is_no_torch(kind: str, tmp_path: Path) -> None:
     np.testing.assert_allclose(json.loads(done.stdout), wanted, atol=2e-4 * max(1.0, float(np.abs(wanted).max())))
 
 
-def test_what_is_no_model_is_told(tmp_path: Path) -> None:
+def test_what_is_no_model_is_reported(tmp_path: Path) -> None:
     (tmp_path / "text.onnx").write_text("nothing")
     for path in (tmp_path / "absent.onnx", tmp_path / "text.onnx"):
         with pytest.raises(UserError, match="model"):

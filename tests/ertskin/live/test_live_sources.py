@@ -24,7 +24,7 @@ from ertskin.physics.protocol import Protocol, electrode_pairs
 from ertskin.physics.sensor import taxel_grid_m
 
 
-def test_a_reader_that_fails_is_told_of_and_read_again() -> None:
+def test_a_reader_that_fails_is_reported_and_read_again() -> None:
     bench = small_bench()
     rig = bench.open()
     said: list[str] = []

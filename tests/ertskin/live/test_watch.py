@@ -82,7 +82,7 @@ def test_a_drifting_skin_keeps_its_forces() -> None:
     assert zeroing > 0.2
 
 
-def test_rest_is_told_from_touch_and_a_hold_stays_one() -> None:
+def test_rest_is_distinguished_from_touch_and_a_hold_stays_one() -> None:
     watched = session()
     rest = [watched.see(scan(k, np.zeros(3))) for k in range(100)]
     assert all(not frame.contacts for frame in rest)

@@ -42,7 +42,7 @@ def novelty() -> Novelty:
     return Novelty(found.matrix, found.power, found.remainder, found.noise_v, limits)
 
 
-def test_strange_frames_are_told_from_trained_ones(novelty):
+def test_strange_frames_are_distinguished_from_trained_ones(novelty):
     rng = np.random.default_rng(2)
     usual = np.zeros((3000, 20))
     usual[:, :8] = 0.05 * rng.standard_normal((3000, 8))

@@ -67,7 +67,7 @@ def test_nominal_sensor_is_that_of_the_recordings(shared_data: Path):
     assert SENSOR.layers == sensor.layers
 
 
-def test_a_plain_skin_repeats_itself_and_remembers_nothing(bare_run: tuple[np.ndarray, np.ndarray]):
+def test_a_bare_skin_repeats_itself_and_remembers_nothing(bare_run: tuple[np.ndarray, np.ndarray]):
     voltage, force = bare_run
     rest = SHORT.phase == Phase.REST
     np.testing.assert_allclose(voltage[rest], voltage[[0, 0, 0]], atol=1e-6)

@@ -40,7 +40,7 @@ def presses(count: int, hold_s: float = 20.0, places: int = 1) -> History:
     )
 
 
-def test_plain_pad_and_support_are_springs_in_series() -> None:
+def test_elastic_pad_and_support_are_springs_in_series() -> None:
     history = presses(1)
     force = foam_force_n(history, PAD, SUPPORT, FOAM_M)[:, 0]
     expected = np.nan_to_num(history.depth_m[:, 0]) / (1 / PAD + 1 / SUPPORT)

@@ -46,7 +46,7 @@ def test_creep_under_constant_pressure_is_exact_for_any_step(count: int) -> None
     np.testing.assert_allclose(effective[2:], expected, rtol=1e-6)
 
 
-def test_creep_forgets_in_the_air_unless_told_otherwise() -> None:
+def test_creep_forgets_in_the_air_unless_set_otherwise() -> None:
     pressure, time_s = [0, 1e4, 1e4, 0, 1e4], [0.0, 1e-6, 50.0, 50.1, 50.100001]
     assert through(PiezoCreep(fraction=0.5, time_s=5.0), pressure, time_s)[-1] == pytest.approx(1e4, rel=1e-3)
     assert through(PiezoCreep(fraction=0.5, time_s=5.0, remembers_air=True), pressure, time_s)[-1] > 1.4e4

@@ -94,7 +94,7 @@ def test_what_refitting_absorbs_does_not_count(skin: Skin) -> None:
     assert discrimination(skin, rival, FEASIBLE.reference, 1e-3 * NOISE_V, FORCE_NOISE_N) > found
 
 
-def test_foams_are_told_apart_by_force_alone_just_as_with_the_readings(
+def test_foams_are_distinguished_by_force_alone_just_as_with_the_readings(
     skin: Skin, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     own = replace(skin, effects=(PiezoHysteresis(width=0.02), ViscoelasticFoam(fraction=0.1, time_s=20.0)))

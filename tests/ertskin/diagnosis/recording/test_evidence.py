@@ -43,7 +43,7 @@ def protocol() -> Protocol:
     return Protocol.against_sink(electrode_pairs(24), 24, 1e-4)
 
 
-def test_a_standing_error_is_no_noise(protocol: Protocol) -> None:
+def test_a_systematic_error_is_no_noise(protocol: Protocol) -> None:
     voltage = readings(protocol, 1)
     voltage[..., 5] *= 1.02
     _, fitted, spike = split(protocol, voltage)

@@ -49,7 +49,7 @@ def who(change: np.ndarray, columns: np.ndarray, traces: np.ndarray) -> list[int
     return wandering(rest, [columns - p @ columns for p in free], taken, list(range(CONTACTS)))
 
 
-def test_contacts_that_wander_are_told_from_places_that_creep() -> None:
+def test_contacts_that_wander_are_distinguished_from_places_that_creep() -> None:
     rng = np.random.default_rng(0)
     columns, traces = columns_and_traces(rng)
     noise = rng.standard_normal((FRAMES, NUMBERS))
@@ -184,7 +184,7 @@ def test_a_contact_that_drifts_is_followed() -> None:
     np.testing.assert_allclose(np.array(drift.ohm) / 300.0, 10 * path, atol=0.8)
 
 
-def test_a_walk_is_told_from_noise() -> None:
+def test_a_walk_is_distinguished_from_noise() -> None:
     rng = np.random.default_rng(8)
     none = np.zeros(40)
     assert not wanders(rng.standard_normal(40), none, DEFAULT)

@@ -116,7 +116,7 @@ def test_short_hills_take_short_lengths_and_wide_ones_long(radius_m: float, long
     assert (length >= 0.5) == (longest > 1)
 
 
-def test_a_line_is_told_along_its_direction() -> None:
+def test_a_line_is_found_along_its_direction() -> None:
     across = node_position_m(SHAPE, EXTENT_M) @ np.array([np.cos(np.pi / 3), np.sin(np.pi / 3)]) - 0.04
     line = 0.2 * np.exp(-0.5 * (across / 0.005) ** 2)
     process = foretelling(seen(line, places(40)), EXTENT_M, PARTITIONS)

@@ -34,7 +34,7 @@ def test_a_clean_specimen_shows_nothing(seed: int) -> None:
     assert noise == pytest.approx(NOISE, rel=0.15)
 
 
-def test_hysteresis_is_told_from_creep() -> None:
+def test_hysteresis_is_distinguished_from_creep() -> None:
     findings, noise = specimen_findings(specimen((PiezoHysteresis(width=0.06),), 1), DEFAULT)
     assert [f.effect.name for f in findings] == ["piezo_hysteresis"]
     assert findings[0].effect.values()["width"] == pytest.approx(0.06, rel=0.05)
@@ -42,7 +42,7 @@ def test_hysteresis_is_told_from_creep() -> None:
     assert noise == pytest.approx(NOISE, rel=0.15)
 
 
-def test_creep_is_told_from_hysteresis() -> None:
+def test_creep_is_distinguished_from_hysteresis() -> None:
     findings, _ = specimen_findings(specimen((PiezoCreep(fraction=0.2, time_s=6.0),), 2), DEFAULT)
     assert [f.effect.name for f in findings] == ["piezo_creep"]
     assert findings[0].effect.values()["time_s"] == pytest.approx(6.0, rel=0.1)
