@@ -26,7 +26,7 @@ class ScanReduction:
     """
 
     def __init__(self, protocol: Protocol, noise_v: float) -> None:
-        """``noise_v`` of a reading, by which spikes are told."""
+        """``noise_v`` of a reading, by which spikes are detected."""
         design, self._inverse = csr_array(protocol.design), np.ascontiguousarray(protocol.inverse_factor)
         self._rows, self._columns = _unsigned(design), _unsigned(csr_array(design.T))
         # Half of a triangle is nought, and fetching the other half is what a product with it costs.
@@ -52,7 +52,7 @@ class ScanReduction:
         """Coordinates (n,) of a change of the readings (R,), the change without spikes, and what no resistor network
         could give of it (R,).
 
-        ``ertskin.physics.spikes.despiked`` for one scan whose noise is known: told by that, not by the scan's own
+        ``ertskin.physics.spikes.despiked`` for one scan whose noise is known: detected by that, not by the scan's own
         scatter, it takes well under a millisecond. The largest spikes go first, or what they pull along would go too.
         """
         coordinates = with_all = self.coordinates(change_v)

@@ -40,7 +40,7 @@ def record(path: Path) -> None:
 
 
 def killed(path: Path, seconds: float) -> int:
-    """Frames told as kept by a recording killed after so many seconds from its first word."""
+    """Frames reported as kept by a recording killed after so many seconds from its first word."""
     # Who is killed can't tidy up: its folder of ports goes with ours.
     environment = {**os.environ, "TMPDIR": str(path.parent)}
     command = [sys.executable, __file__, "--record", str(path)]

@@ -33,7 +33,7 @@ NEGLIGIBLE = 1e-6
 FALSE_ALARMS = 1e-3
 """Share of frames of the skin as it was calibrated, resting or touched, that are said to be of another one."""
 FEWEST = 4
-"""Rest frames from which rates are told."""
+"""Rest frames from which rates are estimated."""
 
 
 @dataclass(frozen=True, eq=False)

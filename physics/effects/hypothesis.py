@@ -30,7 +30,7 @@ class Axis(StrEnum):
 
 
 class Need(StrEnum):
-    """What a recording must contain for an effect to be told at all."""
+    """What a recording must contain for an effect to be identified at all."""
 
     FORCES = "forces with depths"
     SPECIMEN = "a specimen of the fabric"
@@ -40,7 +40,7 @@ class Need(StrEnum):
     MORE_READINGS = "more readings than a resistor network has numbers"
     TIMED_INJECTIONS = "the moments of the injections"
     RELOADING = "a place that is pressed again"
-    """To be told from another effect that needs it too."""
+    """To be distinguished from another effect that needs it too."""
 
 
 class Measured(StrEnum):

@@ -143,7 +143,7 @@ def history() -> tuple[Array, Array]:
 
 
 def seen_of(skin: Skin) -> Seen:
-    """The skin's drawing and its scan, as the model is told of them."""
+    """The skin's drawing and its scan, as the model is given them."""
     pads, scan = skin.electrodes, skin.protocol
     sensor = Sensor(skin.outline_m, electrode_center_m=pads.center_m, electrode_size_m=pads.size_m)
     timed: dict[str, Any] = {"injection_offset_s": scan.offset_s, "scan_s": scan.scan_s}
@@ -500,7 +500,7 @@ def motion(kind: type[Form], skin: Skin, held: bool = True) -> float:
 
 
 def _history(frames: Frames) -> History:
-    """Frames as the model is told of them, forces unknown."""
+    """Frames as the model is given them, forces unknown."""
     unknown = np.full(frames.depth_m.shape, np.nan)
     return History(frames.time_s, frames.press, frames.phase, frames.contact_m, frames.depth_m, unknown)
 

@@ -14,7 +14,7 @@ Array = NDArray[np.float64]
 
 def rest_slopes_v(protocol: Protocol, calibration: Calibration, resolution: str) -> Array:
     """(n,L+1) change of the resting skin's whitened coordinates by relative changes of each contact and of the sheet,
-    in volt; (n,0) where the recording told neither."""
+    in volt; (n,0) where the recording determines neither."""
     sensor, contact_ohm = calibration.sensor, calibration.contact_resistance_ohm
     if sensor is None or contact_ohm is None:
         return np.zeros((protocol.factor.shape[0], 0))

@@ -2,7 +2,7 @@
 
 What the skin does beyond the simulator is six slowly varying numbers (``local_discrepancy``). How well a Gaussian
 process knows them at a place depends on where was pressed, not on what came of it (Rasmussen & Williams 2006, 2.2);
-what their errors do to place and force of a contact is told by the calibrated response. So the error at every place of
+what their errors do to place and force of a contact is given by the calibrated response. So the error at every place of
 the sheet can be stated before a press is made, and the press chosen that lowers its mean most: integrated variance, one
 press at a time (Sacks et al., Statistical Science 4 (1989) 409). How far and how strongly the numbers vary is not known
 while presses are few: every length and variance counts by how likely the presses so far make it.

@@ -119,7 +119,7 @@ def modes(table: ResponseTable, contact_m: Array, force_n: Array) -> Array:
     """(N,6,D) changes of the response by one unit of each of the ``MODES``.
 
     Each is what of its slope lies across those before (Gram-Schmidt): a wider response is a stronger one too, and
-    numbers told along directions so nearly parallel err together, which processes of each by itself do not know.
+    numbers found along directions so nearly parallel err together, which processes of each by itself do not know.
     """
     chosen = slopes(table, contact_m, force_n)
     square: list[Array] = []

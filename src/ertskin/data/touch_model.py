@@ -70,7 +70,7 @@ class TouchModel:
 
     def widened(self, contact_m: Array, force_n: Array, least_force_n: float) -> TouchModel:
         """With covariances as wide as the presses it was corrected by, at (M,2) with (M,) newton, say: ``STATED`` of
-        the regions hold a press at one place more, told by a response that is corrected without it. Never narrower
+        the regions hold a press at one place more, located by a response that is corrected without it. Never narrower
         than before."""
         real = np.column_stack([contact_m, force_n])
         said = self.posterior(least_force_n).of(self.unseen_v @ self.matrix, real[:, None])

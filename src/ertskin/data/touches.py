@@ -147,7 +147,7 @@ _WHOLE: WeakKeyDictionary[Recording, tuple[Protocol, History, Array, Array]] = W
 
 
 def _whole_frames(recording: Recording) -> tuple[Protocol, History, Array, Array]:
-    """Protocol, and of the frames that can be told whole history, readings (T,K,M) and whitened coordinates (T,n).
+    """Protocol, and of the frames that are whole history, readings (T,K,M) and whitened coordinates (T,n).
 
     Kept as long as the recording is: looking for spikes takes longest, and every network asks for the same frames.
     """

@@ -30,7 +30,7 @@ class Reconstruction:
     """A network, the denoiser before it where it has one, and the protocol of the scans they read.
 
     ``about``: plain data on where it comes from. ``monitor``: by which the skin is followed and strange frames are
-    told; none where the recording it learned from had too few rest frames.
+    recognised; none where the recording it learned from had too few rest frames.
     """
 
     protocol: Protocol

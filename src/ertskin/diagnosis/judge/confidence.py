@@ -122,7 +122,7 @@ def static_only(
     """Names of what carries the current lose confidence where they leave most of what presses change unexplained.
 
     ``residuals`` (T,P) before and after are in units of the noise, noughts in frames not fitted, ``rest`` (T,) says
-    where nothing presses. A field of the sheet can be bent to any standing error of an electrode; how presses then
+    where nothing presses. A field of the sheet can be bent to any systematic error of an electrode; how presses then
     show it can't follow.
     """
     before, after = residuals

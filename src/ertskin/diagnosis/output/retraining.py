@@ -28,7 +28,7 @@ class Retraining:
             raise UserError("retrain=true needs test recordings to compare on: give one=FILE, two=FILE or both")
 
     def compared(self, recording: Path, effects: str, out: Path) -> dict[str, dict[str, dict[str, float]]]:
-        """{"without"|"with": {model: {metric: mean over seeds}}}: trained on the plain simulator and with ``effects``.
+        """{"without"|"with": {model: {metric: mean over seeds}}}: trained without and with ``effects``.
 
         ``effects`` is the choice a diagnosis has written. Below ``out`` lie the trainings and the two reports.
         """

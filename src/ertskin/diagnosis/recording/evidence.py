@@ -353,7 +353,7 @@ def _bent_at_top(voltage: Array, fitted: Array, spike: NDArray[np.bool_]) -> boo
 
 
 def _leftover_noise_v(leftover: Array, spike: NDArray[np.bool_], rest: NDArray[np.bool_]) -> float:
-    """Noise of what no network explains, from how it changes between rest frames: a standing error is no noise."""
+    """Noise of what no network explains, from how it changes between rest frames: a systematic error is no noise."""
     if rest.sum() < FEWEST_RESTS:
         return float(robust_std(leftover[~spike]))
     change = np.diff(leftover[rest], axis=0)

@@ -36,7 +36,7 @@ ALONG = 0.8
 """Cosine between what is seen of a jittering contact and what it would do."""
 STANDS_OUT = 3.0
 """Times the median from which one of many is the one that is wrong: a contact by the share of its resistance by which
-it jitters, a channel by its standing error."""
+it jitters, a channel by its systematic error."""
 SURELY = 5.0
 """Standard deviations of chance above which places are taken not to have recovered."""
 CHANCES, RARELY = 400, 0.01
@@ -286,7 +286,7 @@ def _contact_drift(
     """What each contact did over the recording, from its rest frames, where they wander beyond the noise.
 
     ``run`` (R,) numbers the rest frames' runs between presses. A contact that is another one in every run has no path
-    that pressed frames could be told from: that is noise. Of fewer than five runs nothing tells the two apart, and a
+    that pressed frames could differ from: that is noise. Of fewer than five runs nothing tells the two apart, and a
     contact that isn't the same in them drifts.
     """
     if len(change_v) < ENOUGH_RESTS:

@@ -31,7 +31,7 @@ FITTED = 5 / 8
 FEWEST_PRESSES = 3
 FEWEST_READINGS = 30
 LEAST_SPAN = 1.5
-"""Largest over smallest resistance from which a law can be told."""
+"""Largest over smallest resistance from which a law can be fitted."""
 BETTER = 1.1
 """Presses held out must be predicted so many times better for memory to be named."""
 MOST_READINGS = 1500

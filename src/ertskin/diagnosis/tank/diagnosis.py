@@ -64,7 +64,7 @@ ONE_FRAME = "one frame: a standing error that all electrodes share can't be told
 
 
 def diagnose_tank(recording: Recording, name: str, criteria: Criteria = DEFAULT) -> Findings:
-    """Name the electrodes with a standing error in the empty tank, if any stand out; map what changed later."""
+    """Name the electrodes with a systematic error in the empty tank, if any stand out; map what changed later."""
     assert recording.protocol is not None
     assert recording.frames is not None
     protocol = recording.protocol
@@ -166,7 +166,7 @@ def _material(protocol: Protocol, scan_v: Array, errors: ElectrodeErrors) -> Ele
 
 
 def noise_v(protocol: Protocol, voltage_v: Array) -> float:
-    """Noise of a reading in volt: what no network explains of how frames (T,K,M) differ, for standing errors don't.
+    """Noise of a reading in volt: what no network explains of how frames (T,K,M) differ, for systematic errors don't.
 
     With one frame alone, the usual size of what no network explains of it.
     """

@@ -1,7 +1,7 @@
 """Where a tank or sheet changed between two scans: a map of its conductivity by iterated Gauss-Newton.
 
 The unknown is the logarithm of the conductivity over the empty one's, so conductivities stay positive. Differences of
-the two scans are fitted, so that standing errors cancel. Total variation keeps edges (Rudin, Osher, Fatemi, Physica D
+the two scans are fitted, so that systematic errors cancel. Total variation keeps edges (Rudin, Osher, Fatemi, Physica D
 60 (1992) 259; lagged diffusivity, Vogel & Oman, SIAM J. Sci. Comput. 17 (1996) 227). How much of it: the least product
 of misfit and variation along a path of weights (Reginska, SIAM J. Sci. Comput. 17 (1996) 740), which is where the
 L-curve bends; nothing but the readings is asked.
