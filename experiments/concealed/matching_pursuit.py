@@ -51,7 +51,7 @@ def by_matching_pursuit(
             break
         path.append(proposed)
     # Solved in full, each about its own fit: what linearising leaves would be as large as what a term gains.
-    fits = [exact(fit.problem, fit.solved) for fit in path]
+    fits = [exact(checked.problem, checked.solved) for checked in path]
     errors = np.array([[error_without(*fit, out) for out in partitions] for fit in fits])
     best = int(errors.sum(axis=1).argmin())
     fallen = (errors[1:] < errors[:-1]).mean(axis=1)
