@@ -83,7 +83,7 @@ RULES = {
     ),
     "own_readings": Rule(
         "a specimen that shows nothing of what the skin remembers is left out at once",
-        (f"{SEARCH}.selection._Search._by_own_readings",),
+        (f"{SEARCH}.selection._Search._where_readings_remember",),
         lambda search, incumbent: incumbent,
     ),
     "drifts_again": Rule(

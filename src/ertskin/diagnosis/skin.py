@@ -197,6 +197,8 @@ def _uncorrected(
         return selection.before
     skin = family.remeshed(_start(baseline), ())
     problem = _problem(evidence, baseline, family, skin, baseline.linear_force_n, fitted, _silent)
+    if selection.specimen == "disagrees":
+        problem = replace(problem, specimen=None)
     return problem.solve((), _start(baseline))
 
 

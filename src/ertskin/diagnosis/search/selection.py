@@ -98,11 +98,8 @@ def select(
     ``build`` linearises about a fit (or about the start); ``fixed`` terms (the force stage's) belong to every model;
     ``begun`` are terms that another signal has shown, with their rivals there: they must hold their own here.
     """
-    problem = build(None)
     report(0.15, "fitting the calibration")
-    incumbent = checked_fit(problem, problem.solve(fixed, start))
-    if incumbent.linearisation_fails:
-        incumbent = settled(build, incumbent.solved)
+    incumbent = _calibrated(build, fixed, start)
     before = incumbent.solved
     if begun:
         proposed = _begun(build, incumbent, [*fixed, *(term for term, _ in begun)])
@@ -112,9 +109,24 @@ def select(
         incumbent = _refined(build, incumbent, partitions)
     search = _Search(build, partitions, report, len(fixed), {_key(term): rivals for term, rivals in begun})
     chosen, incumbent = search.pruned(search.grown(incumbent))
-    problem, current, specimen = _judged(incumbent.problem, incumbent.solved, bool(chosen))
-    specimen = "disagrees" if search.disagrees else specimen
+    specimen = None if incumbent.problem.specimen is None else "agrees"
+    if search.disagrees or search.specimen_differs(incumbent):
+        if not search.disagrees:
+            # What made up for another fabric's law on the way goes first.
+            _, incumbent = search.pruned(search.by_own_readings(incumbent))
+            chosen, incumbent = search.pruned(search.grown(incumbent))
+        specimen, before = "disagrees", _calibrated(search.build, fixed, start).solved
+    problem, current = incumbent.problem, incumbent.solved
+    if chosen:
+        problem, current = _in_full(problem, current)
     return Selection(before, current, chosen, problem, tuple(search.tried), specimen)
+
+
+def _calibrated(build: Problem, fixed: Sequence[Term], start: Calibration) -> CheckedFit:
+    """The calibration fitted from its start, linearised about itself where the start is too far."""
+    problem = build(None)
+    fit = checked_fit(problem, problem.solve(fixed, start))
+    return settled(build, fit.solved) if fit.linearisation_fails else fit
 
 
 @dataclass(eq=False)
@@ -140,17 +152,25 @@ class _Search:
             proposed = self.one_more(incumbent)
             if proposed is None:
                 break
-            incumbent = self._without_drifts(self._by_own_readings(proposed))
+            incumbent = self._without_drifts(self._where_readings_remember(proposed))
             self.report(0.25 + 0.1 * turn, f"{incumbent.solved.terms[-1].name} enters")
         return incumbent
 
-    def _by_own_readings(self, incumbent: CheckedFit) -> CheckedFit:
-        """Without the specimen from when the skin is seen to remember what it doesn't: it is another piece of fabric,
-        whose law is another one then."""
-        specimen, build = incumbent.problem.specimen, self.build
-        criteria = incumbent.problem.evidence.criteria
-        if specimen is None or specimen.effects or remembers_alike(specimen, incumbent.solved.effects, criteria):
+    def specimen_differs(self, incumbent: CheckedFit) -> bool:
+        """Whether the skin remembers otherwise than the specimen: two pieces of fabric, each with its own law."""
+        specimen, criteria = incumbent.problem.specimen, incumbent.problem.evidence.criteria
+        return specimen is not None and not remembers_alike(specimen, incumbent.solved.effects, criteria)
+
+    def _where_readings_remember(self, incumbent: CheckedFit) -> CheckedFit:
+        """Without the specimen from when the skin is seen to remember what a specimen without memory doesn't."""
+        specimen = incumbent.problem.specimen
+        if specimen is None or specimen.effects or not self.specimen_differs(incumbent):
             return incumbent
+        return self.by_own_readings(incumbent)
+
+    def by_own_readings(self, incumbent: CheckedFit) -> CheckedFit:
+        """The fit without the specimen, and all that follow."""
+        build = self.build
         self.disagrees, self.build = True, lambda solved: replace(build(solved), specimen=None)
         proposed = _where_it_settles(self.build, None, incumbent.solved)
         return incumbent if proposed is None else _reconsidered(self.build, proposed)
@@ -197,24 +217,15 @@ def _as_tried(trial: Trial, kept: bool) -> Tried:
     return Tried(tuple(term.name for term in trial.solved.terms), trial.gain, kept)
 
 
-def _judged(problem: VoltageProblem, current: Solved, named: bool) -> tuple[VoltageProblem, Solved, str | None]:
-    """The fit where the skin is solved in full, by its own readings alone where the specimen disagrees with it.
+def _in_full(problem: VoltageProblem, current: Solved) -> tuple[VoltageProblem, Solved]:
+    """The fit where the skin is solved in full.
 
     The sheet that a last step leads to may not be one that can be meshed: then the fit stays as it is.
     """
-    said = None
-    if problem.specimen is not None:
-        alike = remembers_alike(problem.specimen, current.effects, problem.evidence.criteria)
-        said = "agrees" if alike else "disagrees"
-    if said == "disagrees":
-        problem = replace(problem, specimen=None)
-        current = problem.solve(current.terms, current.calibration)
-    if not named:
-        return problem, current, said
     try:
-        return *exact(problem, current), said
+        return exact(problem, current)
     except (MeshError, np.linalg.LinAlgError):
-        return problem, current, said
+        return problem, current
 
 
 def _reconsidered(build: Problem, incumbent: CheckedFit) -> CheckedFit:
