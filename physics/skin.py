@@ -209,6 +209,7 @@ class Skin:
         drift = self.drift(history.time_s)
         resting = self.resting_conductance_s
         left = self._left_behind(history.time_s, contact, forces, wanted)
+        warmth = self.warmth(self.sheet.quadrature_m.mean(axis=1), history.time_s, wanted)
         result = np.empty((len(wanted), self.protocol.electrodes * (self.protocol.electrodes - 1) // 2))
         for group in _groups(contact[wanted], forces[wanted]):
             points, conductance = self.pressed_conductance_s(history.time_s, contact, forces, wanted[group])
@@ -218,6 +219,9 @@ class Skin:
                     per_point = np.repeat(1 + left[row], self.sheet.weight_m2.shape[1])
                     sheet *= per_point if sheet.ndim == 1 else per_point[:, None]
                 sheet[points] = conductance[k]
+                if warmth is not None:
+                    per_point = np.repeat(np.exp(warmth[row]), self.sheet.weight_m2.shape[1])
+                    sheet *= per_point if sheet.ndim == 1 else per_point[:, None]
                 result[row] = self._solved(sheet, contacts[wanted[row]], drift[wanted[row]])
         return result
 
@@ -292,6 +296,14 @@ class Skin:
     def drift(self, time_s: Array) -> Array:
         """(T,) factor on the whole sheet's resistance."""
         return np.prod([np.ones(len(time_s)), *(e.drift(time_s) for e in _of(self.effects, SheetEffect))], axis=0)
+
+    def warmth(self, position_m: Array, time_s: Array, wanted: NDArray[np.intp]) -> Array | None:
+        """(n,N) logarithm of what multiplies the conductance for a while at positions (N,2), pressed or not, at the
+        ``wanted`` of the times (T,); None where nothing does."""
+        effects = _of(self.effects, SheetEffect)
+        found = [e.warmth(position_m, time_s, self.sensor, self.protocol) for e in effects]
+        parts = [np.multiply.outer(course[wanted], pattern) for pattern, course in filter(None, found)]
+        return np.sum(parts, axis=0) if parts else None
 
     def _solved(self, conductance_s: Array, contact_ohm: Array, drift: float) -> Array:
         shaped = conductance_s.reshape(*self.sheet.weight_m2.shape, *conductance_s.shape[1:])

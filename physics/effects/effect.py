@@ -146,12 +146,14 @@ def shown_by(effect: Effect | type[Effect], signal: Signal) -> bool:
 class Start:
     """Where a fit begins: an effect, the parameters that are ``free``, and those screened for ``along``, from neutral.
 
-    Without any to go along the whole effect is screened, which may then be a share of what it is here.
+    Without any to go along the whole effect is screened, which may then be a share of what it is here. ``reciprocal``:
+    a form that resistor networks show, of an effect with others that none does.
     """
 
     effect: Effect
     free: tuple[str, ...]
     along: tuple[str, ...] = ()
+    reciprocal: bool = False
 
 
 def _as_builtins(value: Any) -> Any:
@@ -244,6 +246,13 @@ class SheetEffect(Effect):
     def drift(self, time_s: Array) -> Array:
         """(T,) factor on the whole sheet's resistance over recording time (T,)."""
         return np.ones(len(time_s))
+
+    def warmth(
+        self, position_m: Array, time_s: Array, sensor: Sensor, protocol: Protocol
+    ) -> tuple[Array, Array] | None:
+        """What comes and goes at some places, pressed or not: logarithm of the conductance's factor, as its parts by
+        place (N,) and by recording time (T,), of which it is the product; None where there is no such thing."""
+        return None
 
 
 @dataclass(frozen=True)

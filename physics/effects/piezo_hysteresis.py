@@ -16,6 +16,8 @@ from ertskin.physics.sensor import Sensor
 
 EIGHTHS = np.array([-1.150, -0.319, 0.319, 1.150])
 """Where a standard normal distribution has 1, 3, 5 and 7 eighths below."""
+WAYS_PA = 3e3, 2e4
+"""Where fits of the pressure begin along which a lag is felt."""
 
 
 @dataclass(frozen=True)
@@ -24,10 +26,16 @@ class PiezoHysteresis(PiezoEffect):
 
     With ``spread`` > 0 the mean of four plays (Prandtl-Ishlinskii): the turn from loading to unloading gets rounder.
     Their lags, the logarithm of p(1+w) over p(1-w), are quantiles of a log-normal distribution of the mean w's.
+
+    With ``lag`` > 0 the law answers to x - e, de = lag dx - e |dx| / ``way_pa`` (Duhem's model as in Coleman and
+    Hodgdon). Where the pressure has gone, some of it stays behind until the place is pressed again.
     """
 
     name: ClassVar[str] = "piezo_hysteresis"
-    source: ClassVar[str] = "Krasnosel'skii & Pokrovskii, Systems with Hysteresis (1989), ch. 1: generalised play"
+    source: ClassVar[str] = (
+        "Krasnosel'skii & Pokrovskii, Systems with Hysteresis (1989), ch. 1: generalised play; Coleman & Hodgdon, "
+        "Int. J. Eng. Sci. 24 (1986) 897"
+    )
     order: ClassVar[int] = 2
     hypothesis: ClassVar[Hypothesis] = Hypothesis(
         (Axis.HISTORY, Axis.FORCE), (Signal.READINGS, Signal.SPECIMEN), (Need.PRESSES,)
@@ -35,8 +43,20 @@ class PiezoHysteresis(PiezoEffect):
 
     width: float = parameter("1", 0.0, 0.6, 0.0, 0.03, "half the loop's width over the pressure")
     spread: float = parameter("1", 0.0, 1.5, 0.0, 0.2, "standard deviation of the lags' logarithm", defining=False)
+    lag: float = parameter("1", 0.0, 0.95, 0.0, 0.03, "share of a change of pressure that is felt only along the way")
+    way_pa: float = parameter("Pa", 300.0, 3e5, 1e4, 1e3, "change of pressure along which it is felt", defining=False)
+
+    @property
+    def remembers_air(self) -> bool:
+        """Whether a place that was pressed is not as before while nothing touches it."""
+        return self.lag > 0
 
     def effective_pressure_pa(self, pressure_pa: Array, position_m: Array, time_s: Array, extent_m: Array) -> Array:
+        felt = self._played(pressure_pa)
+        return np.maximum(felt - _left_on_the_way(felt, self.lag, self.way_pa), 0.0) if self.lag > 0 else felt
+
+    def _played(self, pressure_pa: Array) -> Array:
+        """(T,N) what the plays make of pressures (T,N)."""
         if self.spread == 0:
             return np.asarray(_play(pressure_pa, self.width))
         shares = np.exp(self.spread * EIGHTHS)
@@ -53,11 +73,15 @@ class PiezoHysteresis(PiezoEffect):
 
     @classmethod
     def specimen_starts(cls) -> tuple[Start, ...]:
-        return (Start(cls(width=0.05), ("width",)),)
+        return (
+            Start(cls(width=0.05), ("width",)),
+            *(Start(cls(lag=0.2, way_pa=way_pa), ("lag", "way_pa")) for way_pa in WAYS_PA),
+        )
 
     @classmethod
     def reading_starts(cls, sensor: Sensor, protocol: Protocol) -> tuple[Start, ...]:
-        return (Start(cls(), ("width",), ("width",)),)
+        lagging = (Start(cls(way_pa=way_pa), ("lag", "way_pa"), ("lag",)) for way_pa in WAYS_PA)
+        return Start(cls(), ("width",), ("width",)), *lagging
 
     def freer(self, free: tuple[str, ...]) -> tuple[Start, ...]:
         return (Start(self.changed({"spread": 0.3}), ("width", "spread")),) if free == ("width",) else ()
@@ -74,3 +98,18 @@ def _play(pressure_pa, width):  # type: ignore[no-untyped-def]
             state[n] = min(max(state[n], pressure - reach), pressure + reach)
             effective[t, n] = state[n]
     return effective
+
+
+@njit(cache=True, nogil=True)
+def _left_on_the_way(pressure_pa, lag, way_pa):  # type: ignore[no-untyped-def]
+    left = np.empty_like(pressure_pa)
+    for n in range(pressure_pa.shape[1]):
+        last, state = 0.0, 0.0
+        for t in range(pressure_pa.shape[0]):
+            change = pressure_pa[t, n] - last
+            if change != 0.0:
+                kept, most = np.exp(-abs(change) / way_pa), np.sign(change) * lag * way_pa
+                state = most + (state - most) * kept
+                last = pressure_pa[t, n]
+            left[t, n] = state
+    return left

@@ -7,20 +7,26 @@ from typing import ClassVar
 
 import numpy as np
 
-from ertskin.physics.effects.effect import AcquisitionEffect, Array, Stage, Start, parameter
+from ertskin.physics.conduction.dissipation import heat_at
+from ertskin.physics.effects.effect import AcquisitionEffect, Array, SheetEffect, Stage, Start, parameter
 from ertskin.physics.effects.hypothesis import Axis, Hypothesis, Need, Signal
 from ertskin.physics.protocol import Protocol
 from ertskin.physics.sensor import Sensor
 
 
 @dataclass(frozen=True)
-class SelfHeating(AcquisitionEffect):
-    """Sheet resistance times exp(``rise`` w), w the warmth that a scan's injections before a reading have left.
+class SelfHeating(SheetEffect, AcquisitionEffect):
+    """Warmth that comes within a scan, and warmth that stays from scan to scan.
 
+    Within a scan: sheet resistance times exp(``rise`` w), w the warmth that its injections before a reading have left.
     Every injection adds its share of the scan's dissipated power, as the square of its current: an even sheet's pair
     resistances differ by the logarithm of their distance only. The warmth leaks away with a time constant of
     ``settle_scans`` scans, and is one where the scan's mean power has gone on for long; between scans the sheet cools.
     As every injection meets another sheet, no one resistor network explains the readings.
+
+    From scan to scan: sheet resistance times exp(``crowded_rise`` h(x) w(t)), h the power density of a scan over its
+    mean over the sheet, spread sideways by ``spread_m``, w the warmth of the scans so far, each of which leaves as much
+    and loses it with the time constant ``lasts_s``: one where scans have followed at their usual pace for long.
     """
 
     name: ClassVar[str] = "self_heating"
@@ -31,7 +37,7 @@ class SelfHeating(AcquisitionEffect):
     )
     order: ClassVar[int] = -1
     hypothesis: ClassVar[Hypothesis] = Hypothesis(
-        (Axis.SCAN_ORDER, Axis.TIME), (Signal.NONRECIPROCAL,), (Need.MORE_READINGS,)
+        (Axis.SCAN_ORDER, Axis.TIME), (Signal.NONRECIPROCAL, Signal.READINGS, Signal.REST), (Need.MORE_READINGS,)
     )
 
     rise: float = parameter("1", -0.2, 0.2, 0.0, 1e-3, "logarithm of the resistance, warm through against cold")
@@ -39,10 +45,18 @@ class SelfHeating(AcquisitionEffect):
         "1", 0.02, 10.0, 0.5, 0.1, "time constant of the warmth over the time that a scan takes", defining=False
     )
 
-    def distorted_v(self, voltage_v: Array, protocol: Protocol) -> Array:
-        return np.asarray(voltage_v * np.exp(self.rise * self.warmth(protocol))[:, None])
+    crowded_rise: float = parameter(
+        "1", -1.0, 1.0, 0.0, 1e-3, "logarithm of the resistance, warm through against cold, where the mean power flows"
+    )
+    lasts_s: float = parameter(
+        "s", 0.5, 3600.0, 30.0, 5.0, "time constant of the warmth that stays from scan to scan", defining=False
+    )
+    spread_m: float = parameter("m", 1e-3, 0.03, 2e-3, 1e-3, "how far heat spreads sideways", defining=False)
 
-    def warmth(self, protocol: Protocol) -> Array:
+    def distorted_v(self, voltage_v: Array, protocol: Protocol) -> Array:
+        return np.asarray(voltage_v * np.exp(self.rise * self.within_scan(protocol))[:, None])
+
+    def within_scan(self, protocol: Protocol) -> Array:
         """(K,) when each injection is read, of a sheet that was cold when the scan began."""
         power = (protocol.injection_current_a**2).sum(axis=1)
         moment, last = _moments(protocol)
@@ -53,10 +67,37 @@ class SelfHeating(AcquisitionEffect):
             warm[k] = kept * warm[k - 1] + (1 - kept) * power[k - 1] / power.mean()
         return warm
 
+    def warmth(
+        self, position_m: Array, time_s: Array, sensor: Sensor, protocol: Protocol
+    ) -> tuple[Array, Array] | None:
+        if self.crowded_rise == 0.0:
+            return None
+        pattern = -self.crowded_rise * heat_at(position_m, sensor, protocol, self.spread_m)
+        return pattern, self.course(time_s)
+
+    def course(self, time_s: Array) -> Array:
+        """(T,) warmth of the scans at ``time_s`` (T,) so far, that of the scan itself among them."""
+        if len(time_s) < 2:
+            return np.zeros(len(time_s))
+        step_s = np.maximum(np.diff(time_s), 0.0)
+        each, kept = float(np.median(step_s)) / self.lasts_s, np.exp(-step_s / self.lasts_s)
+        warm = np.full(len(time_s), each)
+        for t in range(1, len(warm)):
+            warm[t] += kept[t - 1] * warm[t - 1]
+        return warm
+
     @classmethod
     def reading_starts(cls, sensor: Sensor, protocol: Protocol) -> tuple[Start, ...]:
-        """Warmth that settles early in a scan, over it, and long after."""
-        return tuple(Start(cls(1e-3, scans), ("rise", "settle_scans"), ("rise",)) for scans in (0.1, 0.5, 3.0))
+        """Warmth that settles early in a scan, over it, and long after; warmth that stays, for three times as long."""
+        within = tuple(Start(cls(1e-3, scans), ("rise", "settle_scans"), ("rise",)) for scans in (0.1, 0.5, 3.0))
+        return within + tuple(
+            Start(cls(lasts_s=lasts_s), ("crowded_rise", "lasts_s"), ("crowded_rise",), reciprocal=True)
+            for lasts_s in (5.0, 30.0, 200.0)
+        )
+
+    def freer(self, free: tuple[str, ...]) -> tuple[Start, ...]:
+        """How far heat spreads, where it stays from scan to scan."""
+        return (Start(self, (*free, "spread_m")),) if "lasts_s" in free and "spread_m" not in free else ()
 
 
 def _moments(protocol: Protocol) -> tuple[Array, float]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -11,6 +12,7 @@ from generator.families import FAMILIES
 from generator.forms import FORMS
 from generator.recording import Clean, clean, measured
 from generator.sheet import Sheet
+from generator.simulate import Transfers, frames_of, moments_of
 from generator.strength import Ruler
 from small_proof_skin import small_skin
 from suite import draw_split, families
@@ -106,3 +108,20 @@ def test_a_recording_has_its_noise_and_only_that() -> None:
     assert (data.force_n - base.force_n).std() == pytest.approx(skin.noise.force_n, rel=0.3)
     again = measured(skin, [], [], base)
     np.testing.assert_array_equal(data.voltage_v, again.voltage_v)
+
+
+def test_a_sheet_that_warms_while_it_is_pressed_is_solved_as_it_is_then() -> None:
+    skin, (sheet, _) = small_skin(), without()
+    effects = [kind(0.5 * kind.largest) for kind in FORMS["self_heating"][:1]]
+    for effect in effects:
+        effect.draw(skin, np.random.default_rng(3))
+    moments = moments_of(skin, frames_of(skin))[:8]
+    found, _ = Transfers(skin, effects, sheet).run(moments)
+    stepped = Transfers(skin, effects, sheet)
+    forces, secants = stepped.mechanics.forces(moments)
+    stepped.fabric.electric(replace(moments[0], since_s=0.0), np.zeros(len(stepped.fabric.point_m)))
+    states = [(m.frame, stepped._electric(m, *now)) for m, *now in zip(moments, forces, secants, strict=True)]
+    whole = {frame: sheet.transfer(*electric) for frame, electric in states}
+    assert sum(len(force) > 0 for force in forces) >= 2
+    for moment, transfer in found:
+        np.testing.assert_allclose(transfer, whole[moment.frame], rtol=1e-6, atol=1e-6)

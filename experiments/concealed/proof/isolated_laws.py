@@ -509,17 +509,21 @@ def heat(kind: type[Form], skin: Skin) -> float:
     """Log conductance of the sensing points as injections of every scan of the plan meet it, the sheet fitted anew."""
     seen, form = seen_of(skin), form_of(kind, skin)
     form.start(len(skin.taxel_m))
-    moments = moments_of(skin, frames_of(skin))
+    frames = frames_of(skin)
+    moments = moments_of(skin, frames)
     rows = [(moment.frame, form.sheet(skin.taxel_m, moment)) for moment in moments]
     said = np.array([row for frame, row in rows if frame >= 0])[:, None, :]
     met = np.linspace(0, seen[1].shape[0] - 1, INJECTIONS).astype(int)
 
     def missed(effect: Effect | None) -> Array:
-        warmth = np.zeros(len(met))
+        within, stays = np.zeros(len(met)), np.zeros_like(said)
         if effect is not None:
             factor = cast(AcquisitionEffect, effect).distorted_v(np.ones(seen[1].shape), seen[1])
-            warmth = np.log(factor[met, 0])
-        wrong = -warmth[None, :, None] - said
+            within = np.log(factor[met, 0])
+            warmth = cast(SheetEffect, effect).warmth(skin.taxel_m, frames.time_s, *seen)
+            if warmth is not None:
+                stays = np.multiply.outer(warmth[1], warmth[0])[:, None, :]
+        wrong = stays - within[None, :, None] - said
         return np.ravel(wrong - wrong.mean())
 
     return left_of(starts_of(kind.name, "readings", seen), missed)

@@ -94,8 +94,28 @@ def test_a_stronger_current_warms_more() -> None:
     current = np.array(PROTOCOL.injection_current_a)
     current[: len(PAIRS) // 2] *= 2
     early = Protocol(current, PROTOCOL.measurement, PROTOCOL.pairs, PROTOCOL.injection_offset_s)
-    warmth = SelfHeating(rise=0.01, settle_scans=0.2).warmth(early)
+    warmth = SelfHeating(rise=0.01, settle_scans=0.2).within_scan(early)
     half = len(PAIRS) // 2
     # The mean power is that of four and one: at first the sheet comes to 4 / 2.5, then to 1 / 2.5.
     assert warmth[half] == pytest.approx(1.6 * (1 - np.exp(-0.5 / 0.2)), rel=0.01)
     assert warmth[-1] == pytest.approx(0.4 + (warmth[half] - 0.4) * np.exp(-0.5 / 0.2), rel=0.02)
+
+
+def test_scans_that_follow_one_another_warm_the_sheet_through_and_a_pause_cools_it() -> None:
+    heated = SelfHeating(crowded_rise=-0.01, lasts_s=20.0)
+    time_s = np.concatenate([np.arange(200.0), [239.0]])
+    course = heated.course(time_s)
+    assert course[0] == pytest.approx(1 / 20)
+    assert course[199] == pytest.approx((1 / 20) / -np.expm1(-1 / 20), rel=1e-3)
+    assert course[200] == pytest.approx(course[199] * np.exp(-40 / 20) + 1 / 20)
+
+
+def test_warmth_that_stays_is_where_current_crowds() -> None:
+    heated = SelfHeating(crowded_rise=-0.01, lasts_s=20.0)
+    pad, middle = SENSOR.electrode_center_m[0] + np.array([3e-3, 3e-3]), SENSOR.outline_m.mean(axis=0)
+    found = heated.warmth(np.array([pad, middle]), np.arange(50.0), SENSOR, PROTOCOL)
+    assert found is not None
+    pattern, course = found
+    assert pattern[0] > 2 * pattern[1] > 0
+    np.testing.assert_allclose(course, heated.course(np.arange(50.0)))
+    assert SelfHeating(rise=0.01).warmth(np.array([pad]), np.arange(50.0), SENSOR, PROTOCOL) is None

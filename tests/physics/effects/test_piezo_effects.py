@@ -146,3 +146,23 @@ def test_a_raised_field_is_the_same_and_more_everywhere() -> None:
     for effect in (PiezoInhomogeneity(amplitude=0.4, x_m=0.02), PiezoInhomogeneity(nodes=((0.0, 0.1), (0.3, 0.4)))):
         more = effect.raised(0.25).logarithm(at, EXTENT) - effect.logarithm(at, EXTENT)
         np.testing.assert_allclose(more, 0.25, rtol=1e-9)
+
+
+def test_a_lag_is_felt_along_the_way_and_some_of_it_stays() -> None:
+    lag, way = 0.3, 5e3
+    pressure = np.array([0.0, 2e3, 8e3, 2e3, 0.0, 0.0, 4e3])[:, None]
+    felt = PiezoHysteresis(lag=lag, way_pa=way).effective_pressure_pa(
+        pressure, np.zeros((1, 2)), np.arange(7.0), np.zeros((2, 2))
+    )[:, 0]
+    behind = lag * way * -np.expm1(-pressure[:3, 0] / way)
+    np.testing.assert_allclose(felt[:3], pressure[:3, 0] - behind)
+    # On the way back it lies ahead: e = -lag way + (e0 + lag way) exp(-way back).
+    left = -lag * way + (behind[2] + lag * way) * np.exp(-8e3 / way)
+    np.testing.assert_allclose(felt[4:6], -left)
+    assert felt[4] > 0
+    np.testing.assert_allclose(felt[6], 4e3 - (lag * way + (left - lag * way) * np.exp(-4e3 / way)))
+
+
+def test_what_lags_remembers_the_air() -> None:
+    assert PiezoHysteresis(lag=0.1).remembers_air
+    assert not PiezoHysteresis(width=0.1).remembers_air

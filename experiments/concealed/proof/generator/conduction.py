@@ -161,6 +161,7 @@ class ScanHeatedSheet(Effect):
     spread_m = 0.0
     tau_s: tuple[float, ...] = (20.0,)
     largest = 1.0
+    bends = True
 
     def draw(self, skin: Skin, rng: np.random.Generator) -> None:
         self.heat = _joule(skin, self.spread_m)

@@ -47,6 +47,8 @@ class Effect:
     listed: ClassVar[bool] = True
     largest: ClassVar[float] = 1.0
     """Size beyond which the form means nothing."""
+    bends: ClassVar[bool] = False
+    """Whether the sheet far from a press changes during it otherwise than straight in time and in force."""
 
     def __init__(self, size: float) -> None:
         self.size = float(size)

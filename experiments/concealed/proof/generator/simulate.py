@@ -210,7 +210,10 @@ Electric = tuple[Array, Array, Array]
 
 @dataclass(eq=False)
 class Passage:
-    """A rest frame and the press after it: moments, total force, which is the deepest, and electric states kept."""
+    """A rest frame and the press after it: moments, total force, which is the deepest, and electric states kept.
+
+    ``whole``: at every moment with a frame, where something changes outside of the region that no straight line tells.
+    """
 
     moments: list[Moment]
     force_n: list[float]
@@ -219,6 +222,7 @@ class Passage:
     rest: Electric | None = None
     top: Electric | None = None
     inside: dict[int, Electric] = field(default_factory=dict)
+    whole: dict[int, Electric] = field(default_factory=dict)
 
 
 class Transfers:
@@ -269,6 +273,7 @@ class Transfers:
         total = [float(np.sum(f)) for f in forces]
         peak = int(np.argmax(total))
         passage = Passage(list(moments), total, peak, region)
+        bends = any(effect.bends for effect in self.effects)
         for i, moment in enumerate(moments):
             electric = self._electric(moment, forces[i], secants[i])
             if i == 0:
@@ -278,6 +283,8 @@ class Transfers:
             if moment.frame >= 0 and region is not None:
                 e = region.elements
                 passage.inside[i] = (electric[0][e], electric[1][e], electric[2])
+                if bends:
+                    passage.whole[i] = electric
         return passage
 
     def _electric(self, moment: Moment, force_n: Array, secant: Array) -> Electric:
@@ -287,12 +294,16 @@ class Transfers:
         return self.fabric.electric(moment, pressure)
 
     def _solved(self, passage: Passage, after: Passage | None) -> list[tuple[Moment, Array]]:
-        """Transfer matrices of a passage; the outside goes straight in time to ``after`` and straight in force."""
+        """Transfer matrices of a passage; the outside goes straight in time to ``after`` and straight in force, unless
+        it bends in between."""
         assert passage.rest is not None
         assert passage.top is not None
         if passage.region is None:
             return [(passage.moments[0], self.sheet.transfer(*passage.rest))]
         region, moments = passage.region, passage.moments
+        if passage.whole:
+            outside = {i: region.outside(self._condensed(electric)) for i, electric in passage.whole.items()}
+            return [(moments[i], region.transfer(outside[i], *inside)) for i, inside in passage.inside.items()]
         rest = region.outside(self._condensed(passage.rest))
         top = region.outside(self._condensed(passage.top))
         drift, span = np.zeros_like(rest), 1.0

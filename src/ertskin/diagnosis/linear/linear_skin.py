@@ -141,8 +141,11 @@ class LinearSkin:
 
     @cached_property
     def _scale_s(self) -> Array:
-        """(E*Q,) size in siemens of the untouched sheet's conductance."""
-        return np.asarray(np.exp(self._sheet.log_size) / self.skin.piezo.zero_ohm_sq)
+        """(E*Q,) size in siemens of the untouched sheet's conductance, as warm as it usually is."""
+        warmth = np.repeat(
+            self._usual_warmth(self.skin.sheet.quadrature_m.mean(axis=1)), self.skin.sheet.weight_m2.shape[1]
+        )
+        return np.asarray(np.exp(self._sheet.log_size + warmth) / self.skin.piezo.zero_ohm_sq)
 
     def _by_size(self, solution: Solution, elements: Indices, hats: sparray, points: Indices) -> NDArray[np.float32]:
         """(P,G) derivatives of a solution's scan by the relative size of the conductance, hats (G,n) at points (n,)."""
@@ -258,6 +261,26 @@ class LinearSkin:
         # The current that flows anyway dissipates with the resistance.
         change = change * np.exp(-self._sheet_change(skin, nodes).log_size)
         return np.where(own, 0.0, change) @ columns.T
+
+    def _warmed(self, skin: Skin) -> Array | None:
+        """(n,P) change of the scans by what comes and goes in the sheet, to first order about what is usual there; None
+        for none."""
+        nodes, columns, _ = self._everywhere
+        warmth = skin.warmth(nodes, self.history.time_s, self.wanted)
+        if warmth is None and not self._warmth_at_nodes.any():
+            return None
+        change = np.expm1((0.0 if warmth is None else warmth) - self._warmth_at_nodes)
+        change = np.broadcast_to(change, (len(self.wanted), len(nodes)))
+        return np.asarray(change * np.exp(-self._sheet_change(skin, nodes).log_size) @ columns.T)
+
+    @cached_property
+    def _warmth_at_nodes(self) -> Array:
+        return self._usual_warmth(self._everywhere[0])
+
+    def _usual_warmth(self, position_m: Array) -> Array:
+        """(N,) mean logarithm over the wanted frames of what warmth makes of the conductance at positions (N,2)."""
+        warmth = self.skin.warmth(position_m, self.history.time_s, self.wanted)
+        return np.zeros(len(position_m)) if warmth is None else warmth.mean(axis=0)
 
     # whole-sheet derivatives, on a coarser mesh ----------------------------------------------------------------------
 
@@ -395,7 +418,7 @@ class LinearSkin:
         contacts = self._contact_ohm(skin, force_n) / factor[:, None]
         moved = pad_shifts(skin) - pad_shifts(self.skin)
         self._settle_regime(skin, force_n)
-        left = self._left_behind(skin, force_n)
+        elsewhere = [part for part in (self._left_behind(skin, force_n), self._warmed(skin)) if part is not None]
         broad = self._broad_change(skin)
 
         def one(number: int) -> None:
@@ -408,7 +431,7 @@ class LinearSkin:
             result[patch.rows] = scan
 
         in_threads(one, range(len(self.patches)))
-        return factor[:, None] * (result if left is None else result + left)
+        return factor[:, None] * sum(elsewhere, result)
 
     # derivatives by the calibration ----------------------------------------------------------------------------------
 

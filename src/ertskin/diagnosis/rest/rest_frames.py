@@ -14,6 +14,7 @@ from ertskin.diagnosis.criteria import Criteria
 from ertskin.diagnosis.linear.calibration_vector import CONTACT_SPREAD
 from ertskin.diagnosis.linear.sensitivity import sheet_sensitivity, whitening_of_transfer
 from ertskin.diagnosis.recording.evidence import Evidence
+from ertskin.diagnosis.rest.warmth import warmth_at_rest
 from ertskin.physics.effects.effect import Effect
 from ertskin.physics.effects.hypothesis import Measured
 from ertskin.physics.effects.registry import measured_as
@@ -64,6 +65,8 @@ def rested(skin: Skin, evidence: Evidence) -> Rested:
     good = evidence.rest & np.isfinite(evidence.scan_v).all(axis=1)
     scans = evidence.scan_v[good]
     first, columns, _ = fitted_at_rest(skin, scans.mean(axis=0))
+    # What one number explains isn't left for a contact each and places that recover.
+    scans = scans - warmth_at_rest(first, evidence, good, scans - scans.mean(axis=0), columns[:, -1])
     every = imprints(first, evidence.history)
     traces = _needed(every[good], scans - scans.mean(axis=0), columns, evidence.noise_v)
     mean = _undisturbed_mean(scans, columns, traces)

@@ -77,9 +77,9 @@ def _trials(problem: VoltageProblem, present: set[str]) -> list[tuple[Probes, Ca
     return [
         _trial(start)
         for kind in kinds
-        if not shown_by(kind, Signal.NONRECIPROCAL) and not (issubclass(kind, ElectrodeEffect) and kind.displaces())
-        if not kind.hypothesis.field
+        if not (issubclass(kind, ElectrodeEffect) and kind.displaces()) and not kind.hypothesis.field
         for start in kind.reading_starts(problem.evidence.sensor, problem.evidence.protocol)
+        if start.reciprocal or not shown_by(kind, Signal.NONRECIPROCAL)
     ]
 
 
@@ -197,7 +197,7 @@ def _instrument(problem: VoltageProblem, solved: Solved, partitions: Sequence[Se
             # It is known, and the readings that show it are left out.
             continue
         for start in kind.reading_starts(problem.evidence.sensor, protocol):
-            if (kind.name, _number(start.effect)) in present:
+            if start.reciprocal or (kind.name, _number(start.effect)) in present:
                 continue
             if isinstance(start.effect, AcquisitionEffect) and not start.effect.linear:
                 found.append(_bending(problem, solved, start, start.effect, partitions))

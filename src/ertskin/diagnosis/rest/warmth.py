@@ -1,0 +1,87 @@
+"""What comes and goes all over the sheet while nothing presses: one number for every place and time, where contacts
+would need one each for every frame."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+
+from ertskin.diagnosis.linear.sensitivity import Hats, sheet_sensitivity, whitening_of_transfer
+from ertskin.diagnosis.recording.evidence import Evidence
+from ertskin.physics.effects.effect import Effect, Start
+from ertskin.physics.effects.hypothesis import Signal
+from ertskin.physics.effects.registry import effects_shown_by
+from ertskin.physics.skin import Skin
+
+Array = NDArray[np.float64]
+
+GRID_M = 4e-3
+MOST_LEFT = 0.2
+"""Part of what changes between rest frames, beyond noise, up to which it is taken to be explained."""
+SURELY = 3.0
+"""Standard deviations of chance above which anything changes."""
+
+
+def warmth_at_rest(skin: Skin, evidence: Evidence, rows: NDArray[np.bool_], change_v: Array, whole: Array) -> Array:
+    """(R,P) the part of the changes (R,P) of the rest frames ``rows`` (T,) that warmth explains, if it explains most of
+    them, those too that the ``whole`` sheet (P,) alike doesn't make; else noughts."""
+    level = whole / np.linalg.norm(whole)
+
+    def excess(part: Array) -> Array:
+        """Of a change (R,P) beyond noise, and of what of it the whole sheet alike doesn't make."""
+        uneven = part - np.multiply.outer(part @ level, level)
+        count, width = part.shape
+        squares = np.array([(part**2).sum(), (uneven**2).sum()]) / evidence.noise_v**2
+        return np.asarray(squares - count * np.array([width, width - 1]))
+
+    nothing, before, chance = np.zeros_like(change_v), excess(change_v), SURELY * np.sqrt(2 * change_v.size)
+    if before[1] < chance:
+        return nothing
+    scans = _heated_scans(skin, evidence, rows)
+    explained = [_fitted(start, scans, change_v, evidence.noise_v) for start in _starts(evidence)]
+    best = min(explained, key=lambda part: float(excess(change_v - part)[0]), default=nothing)
+    return best if (excess(change_v - best) < np.maximum(MOST_LEFT * before, chance)).all() else nothing
+
+
+def _starts(evidence: Evidence) -> Iterator[Start]:
+    """Every form that resistor networks show of an effect that shows at rest, though others of its forms none does."""
+    for kind in effects_shown_by(Signal.REST):
+        yield from (s for s in kind.reading_starts(evidence.sensor, evidence.protocol) if s.reciprocal)
+
+
+def _heated_scans(skin: Skin, evidence: Evidence, rows: NDArray[np.bool_]) -> Callable[[Effect], Array]:
+    """What an effect's warmth does to the rest frames' scans (R,P), to first order, less its mean."""
+    points, even = skin.sheet.quadrature_m.reshape(-1, 2), skin.sheet.uniform(skin.piezo.zero_ohm_sq)
+    low_m, high_m = skin.sensor.extent_m
+    hats, wanted = Hats(low_m, high_m, GRID_M), np.flatnonzero(rows)
+    solution = skin.sheet.solve(even, skin.contact_resistance_ohm)
+    elements, isotropic = np.arange(len(even)), np.array([[1.0, 0.0, 1.0]])
+    whitening, values = whitening_of_transfer(skin.protocol), hats.values(points)
+    columns = sheet_sensitivity(solution, elements, values, whitening, isotropic, even.ravel())[0].astype(float)
+
+    def scans(effect: Effect) -> Array:
+        warmth = replace(skin, effects=(effect,)).warmth(hats.node_m, evidence.history.time_s, wanted)
+        change = np.zeros((len(wanted), len(columns))) if warmth is None else warmth @ columns.T
+        return np.asarray(change - change.mean(axis=0))
+
+    return scans
+
+
+def _fitted(start: Start, scans: Callable[[Effect], Array], change_v: Array, noise_v: float) -> Array:
+    """(R,P) what the start's kind does to the scans where it fits the changes (R,P) best."""
+    (size,), known = start.along, start.effect.parameters()
+    others = [key for key in start.free if key != size]
+
+    def at(logarithm: Array) -> Array:
+        values = {key: float(np.exp(x)) for key, x in zip(others, logarithm, strict=True)}
+        part = scans(start.effect.changed({size: known[size].typical, **values}))
+        return np.asarray(part * (part * change_v).sum() / max(float((part**2).sum()), 1e-300))
+
+    bounds = np.log([[getattr(known[key], end) for key in others] for end in ("low", "high")])
+    begun = np.log([getattr(start.effect, key) for key in others])
+    fit = least_squares(lambda x: (change_v - at(x)).ravel() / noise_v, begun, bounds=bounds, diff_step=1e-3)
+    return at(fit.x)

@@ -1,0 +1,61 @@
+"""What warmth explains of the changes between rest frames isn't left to contacts."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from small_skin import SMALL, small_law, small_sensor
+
+from ertskin.diagnosis.rest.rest_frames import fitted_at_rest
+from ertskin.diagnosis.rest.warmth import warmth_at_rest
+from ertskin.physics.effects.effect import Effect
+from ertskin.physics.effects.self_heating import SelfHeating
+from ertskin.physics.effects.temperature_drift import TemperatureDrift
+from ertskin.physics.history import History
+from ertskin.physics.protocol import Protocol, electrode_pairs
+from ertskin.physics.skin import Skin
+
+NOISE_V = 2e-4
+TIME_S = np.concatenate([100.0 * k + np.arange(20.0) for k in range(6)])
+RESTS = np.isin(np.arange(len(TIME_S)) % 20, (0, 19))
+
+
+@pytest.fixture(scope="module")
+def skin() -> Skin:
+    scan = Protocol.against_sink(electrode_pairs(6), 6, 1e-4)
+    return Skin.build(small_sensor(), scan, small_law(), np.linspace(200.0, 900.0, 6), 9000.0, (), SMALL)
+
+
+def at_rest(skin: Skin, *effects: Effect) -> tuple[Any, np.ndarray, np.ndarray]:
+    """Evidence, changes of the rest frames (R,P) and what the whole sheet does (P,)."""
+    nowhere = np.full((len(TIME_S), 1), np.nan)
+    history = History(
+        TIME_S,
+        np.zeros(len(TIME_S), int),
+        np.zeros(len(TIME_S), np.uint8),
+        nowhere[:, None].repeat(2, 2),
+        nowhere,
+        nowhere,
+    )
+    pairs = replace(skin, effects=effects).pair_resistance_ohm(history, wanted=np.flatnonzero(RESTS))
+    scans = skin.protocol.whitened(pairs)
+    scans = scans + NOISE_V * np.random.default_rng(3).standard_normal(scans.shape)
+    evidence = SimpleNamespace(sensor=skin.sensor, protocol=skin.protocol, history=history, noise_v=NOISE_V)
+    return evidence, scans - scans.mean(axis=0), fitted_at_rest(skin, scans.mean(axis=0))[1][:, -1]
+
+
+def test_it_takes_what_warmth_did_and_leaves_the_noise(skin: Skin) -> None:
+    evidence, change, whole = at_rest(skin, SelfHeating(crowded_rise=-0.01, lasts_s=12.0))
+    left = change - warmth_at_rest(skin, evidence, RESTS, change, whole)
+    assert np.sqrt((change**2).mean()) > 3 * NOISE_V
+    assert np.sqrt((left**2).mean()) == pytest.approx(NOISE_V, rel=0.1)
+
+
+@pytest.mark.parametrize("others", [(), (TemperatureDrift(rate_per_h=-1.0),)], ids=["noise", "an even drift"])
+def test_it_takes_nothing_where_nothing_warms_unevenly(skin: Skin, others: tuple[Effect, ...]) -> None:
+    evidence, change, whole = at_rest(skin, *others)
+    assert not warmth_at_rest(skin, evidence, RESTS, change, whole).any()
