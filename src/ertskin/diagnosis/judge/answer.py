@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from scipy.stats import chi2
@@ -22,13 +23,14 @@ from ertskin.diagnosis.criteria import Criteria
 from ertskin.diagnosis.fit.nonreciprocal import acquires
 from ertskin.diagnosis.force.claims import ForceAnswer, force_answer
 from ertskin.diagnosis.judge.axis_tests import AxisTest, axis_tests, depends_on
-from ertskin.diagnosis.judge.confidence import left_over, mending, overshadowed, reasoned, spoiling, static_only
+from ertskin.diagnosis.judge.confidence import left_over, mending, noisy, overshadowed, reasoned, spoiling, static_only
 from ertskin.diagnosis.judge.contact_drift_claims import drift_claims
 from ertskin.diagnosis.judge.held_out import Predictions, broad_ratio, misfit_p
 from ertskin.diagnosis.judge.repeatability import Repeatability
 from ertskin.diagnosis.judge.result import Findings
 from ertskin.diagnosis.judge.undetermined_field import determined_points
 from ertskin.diagnosis.recording.evidence import Evidence
+from ertskin.diagnosis.recording.noisy_channels import noisy_channels
 from ertskin.diagnosis.recording.split import SPLIT
 from ertskin.diagnosis.rest.baseline import Baseline
 from ertskin.diagnosis.rest.rest_frames import STANDS_OUT
@@ -77,6 +79,16 @@ class Case:
         """Those that do so often enough to be a fault."""
         least = self.criteria.repeating_share * len(self.evidence.history)
         return tuple(k for k in self.repeating if self.evidence.repeats[k] >= least)
+
+    @cached_property
+    def noisy(self) -> dict[int, float]:
+        """Channels that scatter more than the others, and how many times as much."""
+        return noisy_channels(self.evidence.leftover_v[self.evidence.rest])
+
+    @property
+    def faulty(self) -> tuple[int, ...]:
+        """Channels with a fault that no effect's name is for."""
+        return (*self.frozen, *self.noisy)
 
 
 def answered(
@@ -201,6 +213,11 @@ def _rules(case: Case) -> list[tuple[str, str, Callable[[list[Claim]], list[Clai
             "it explains what stands at rest, but little of what presses change",
             lambda c: static_only(c, residuals, rest, criteria, shown),
         ),
+        (
+            "noisy_channel",
+            "its channel scatters more than the others: it may be the mean of that",
+            lambda c: noisy(c, case.noisy, criteria),
+        ),
         ("spoiling", SPOILT, lambda c: spoiling(c, case.found.spoilt(criteria), criteria)),
     ]
 
@@ -225,13 +242,13 @@ def _stage(case: Case, claims: list[Claim], verdict: str, jitters: bool) -> str 
     if verdict != "unexplained":
         return None
     nothing_else = case.found.ratio_before <= case.criteria.mismatch_ratio and not case.force.off
-    if case.instrument_off or (case.frozen and nothing_else):
+    if case.instrument_off or (case.faulty and nothing_else):
         return str(Stage.ACQUISITION)
     return str(Stage.ELECTRODES) if jitters else None
 
 
 def _verdict(case: Case, claims: list[Claim], jitters: bool) -> str:
-    beyond = case.instrument_off or bool(case.frozen)
+    beyond = case.instrument_off or bool(case.faulty)
     instrument = beyond or any(shown_by(c.effect, Signal.NONRECIPROCAL) for c in claims)
     mismatch = bool(case.force.claims) or case.force.off or instrument or jitters
     surely = 1 + case.criteria.clear_errors * case.baseline.noise.error
@@ -255,6 +272,10 @@ def _reason(case: Case, claims: list[Claim], jitters: bool) -> str | None:
         f"channel {k} repeats its last readings in {case.evidence.repeats[k]} frames, where they are left out:"
         " check its converter and wiring"
         for k in case.repeating
+    ]
+    said += [
+        f"channel {k} scatters {ratio:.1f} times as much as the others: check its amplifier and wiring"
+        for k, ratio in case.noisy.items()
     ]
     if jitters:
         said.append(
@@ -324,7 +345,7 @@ def _electrodes(case: Case, claims: list[Claim], jitters: bool) -> tuple[int, ..
     that ``jitters``."""
     claimed = [getattr(c.effect, key, -1) for c in claims for key in ("electrode", "channel")]
     named = tuple(int(number) for number in claimed if number >= 0)
-    wrong = (*named, *case.frozen)
+    wrong = (*named, *case.faulty)
     if case.instrument_off:
         wrong = (*wrong, *_leftover_channels(case.evidence))
     if jitters:

@@ -59,6 +59,15 @@ def spoiling(claims: Sequence[Claim], spoilt: bool, criteria: Criteria) -> list[
     return [replace(c, confidence=criteria.doubted_share * c.confidence) for c in claims] if spoilt else list(claims)
 
 
+def noisy(claims: Sequence[Claim], channels: Collection[int], criteria: Criteria) -> list[Claim]:
+    """Names of what is wrong with a channel are half as sure where it is one of the noisy ``channels``."""
+    doubted = [getattr(claim.effect, "channel", -1) in channels for claim in claims]
+    return [
+        replace(c, confidence=criteria.doubted_share * c.confidence) if doubt else c
+        for c, doubt in zip(claims, doubted, strict=True)
+    ]
+
+
 def left_over_of_force(claims: Sequence[Claim], before: float, after: float, criteria: Criteria) -> list[Claim]:
     """The same for claims that the load cell made, with its misfits over its noise, where what is left is sure."""
     return [replace(c, confidence=c.confidence * _explained(before, after, criteria)) for c in claims]
