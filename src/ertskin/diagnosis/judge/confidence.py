@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ertskin.diagnosis.contract.claims import Claim, Reason
 from ertskin.diagnosis.criteria import Criteria
 from ertskin.physics.effects.effect import Effect, Stage, shown_by
-from ertskin.physics.effects.hypothesis import Axis, Signal
+from ertskin.physics.effects.hypothesis import Axis, Measured, Signal
 
 KIN = {
     Axis.HISTORY: "when",
@@ -82,10 +82,13 @@ def mending(claims: Sequence[Claim], criteria: Criteria, shown: Collection[str] 
     """A claim that is small beside one of its kin may only mend that one's form, which becomes its alternative.
 
     Not so the instrument's effects, which what no network explains has named, nor those ``shown`` by another signal.
+    What is measured at rest mends no form of what only presses show.
     """
     found = []
     for claim in claims:
         kin = [c for c in claims if c.effect.name != claim.effect.name and _kind(c) & _kind(claim)]
+        if claim.effect.hypothesis.measured == Measured.CONTACT_PATH:
+            kin = [c for c in kin if shown_by(c.effect, Signal.REST) or getattr(c.effect, "remembers_air", False)]
         strongest = max(kin, key=_excess, default=None)
         share = 1.0 if strongest is None else _excess(claim) / max(criteria.form_share * _excess(strongest), 1e-12)
         seen_beyond = shown_by(claim.effect, Signal.NONRECIPROCAL) and not claim.by_force

@@ -15,13 +15,17 @@ from ertskin.diagnosis.judge.confidence import (
     left_over,
     left_over_of_force,
     mending,
+    noisy,
     overshadowed,
     reasoned,
     spoiling,
     static_only,
 )
 from ertskin.diagnosis.judge.held_out import Predictions
+from ertskin.physics.effects.channel_gain import ChannelGain
+from ertskin.physics.effects.contact_drift import ContactDrift
 from ertskin.physics.effects.effect import Effect
+from ertskin.physics.effects.indenter_offset import IndenterOffset
 from ertskin.physics.effects.nonlinear_foam import NonlinearFoam
 from ertskin.physics.effects.piezo_creep import PiezoCreep
 from ertskin.physics.effects.piezo_hysteresis import PiezoHysteresis
@@ -52,6 +56,18 @@ def test_a_foam_that_leaves_force_unexplained_is_less_sure() -> None:
     lost_motion = [claim(NonlinearFoam(stiffening=0.5), 1.5)]
     assert left_over_of_force(lost_motion, 2.0, 1.0, DEFAULT) == lost_motion
     assert left_over_of_force(lost_motion, 2.0, 1.5, DEFAULT)[0].confidence == pytest.approx(0.95 * 0.3815, abs=0.01)
+
+
+def test_contacts_seen_to_wander_at_rest_mend_no_form_of_what_only_presses_show() -> None:
+    drift = claim(ContactDrift(2, (0.0, 40.0), (0.0, 20.0)), 1.05)
+    offset, creep = claim(IndenterOffset(dx_m=1e-3), 3.0), claim(PiezoCreep(fraction=0.2, remembers_air=True), 3.0)
+    assert mending([offset, drift], DEFAULT) == [offset, drift]
+    assert mending([creep, drift], DEFAULT)[1].confidence < 0.5
+
+
+def test_a_name_of_a_noisy_channel_is_half_as_sure() -> None:
+    gains = [claim(ChannelGain(gain=0.01, channel=channel), 2.0) for channel in (3, 8)]
+    assert [c.confidence for c in noisy(gains, {8: 2.9}, DEFAULT)] == pytest.approx([0.95, 0.475])
 
 
 def test_names_that_spoil_the_prediction_are_half_as_sure() -> None:
