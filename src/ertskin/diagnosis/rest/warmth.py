@@ -20,7 +20,7 @@ from ertskin.physics.skin import Skin
 Array = NDArray[np.float64]
 
 GRID_M = 4e-3
-MOST_LEFT = 0.2
+UNEXPLAINED = 0.2
 """Part of what changes between rest frames, beyond noise, up to which it is taken to be explained."""
 SURELY = 3.0
 """Standard deviations of chance above which anything changes."""
@@ -44,7 +44,7 @@ def warmth_at_rest(skin: Skin, evidence: Evidence, rows: NDArray[np.bool_], chan
     scans = _heated_scans(skin, evidence, rows)
     explained = [_fitted(start, scans, change_v, evidence.noise_v) for start in _starts(evidence)]
     best = min(explained, key=lambda part: float(excess(change_v - part)[0]), default=nothing)
-    return best if (excess(change_v - best) < np.maximum(MOST_LEFT * before, chance)).all() else nothing
+    return best if (excess(change_v - best) < np.maximum(UNEXPLAINED * before, chance)).all() else nothing
 
 
 def _starts(evidence: Evidence) -> Iterator[Start]:
