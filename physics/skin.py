@@ -305,6 +305,12 @@ class Skin:
         parts = [np.multiply.outer(course[wanted], pattern) for pattern, course in filter(None, found)]
         return np.sum(parts, axis=0) if parts else None
 
+    def warm_through(self, position_m: Array) -> Array | None:
+        """(N,) the same once scans have followed one another for long: how a skin in use is."""
+        found = [e.warmth(position_m, np.zeros(1), self.sensor, self.protocol) for e in _of(self.effects, SheetEffect)]
+        parts = [pattern for pattern, _ in filter(None, found)]
+        return np.sum(parts, axis=0) if parts else None
+
     def _solved(self, conductance_s: Array, contact_ohm: Array, drift: float) -> Array:
         shaped = conductance_s.reshape(*self.sheet.weight_m2.shape, *conductance_s.shape[1:])
         # A sheet resistance times f with contacts z is f times the original sheet with contacts z/f.

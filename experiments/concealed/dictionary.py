@@ -164,10 +164,12 @@ def _through_scans(problem: VoltageProblem, solved: Solved) -> Iterator[_StartCo
     present = {term.name for term in solved.terms}
     for kind in effects_shown_by(Signal.READINGS):
         displaces = issubclass(kind, ElectrodeEffect) and kind.displaces()
-        if kind.name in present or kind.hypothesis.field or displaces or shown_by(kind, Signal.NONRECIPROCAL):
+        if kind.name in present or kind.hypothesis.field or displaces:
             continue
         known = kind.parameters()
         for start in kind.reading_starts(problem.evidence.sensor, problem.evidence.protocol):
+            if shown_by(kind, Signal.NONRECIPROCAL) and not start.reciprocal:
+                continue
             probes = [(start.effect.changed({key: known[key].typical}), known[key].typical) for key in start.along]
             columns = []
             for probe, size in probes or [(start.effect, 1.0)]:
@@ -302,7 +304,7 @@ def _instrument_starts(problem: VoltageProblem, solved: Solved) -> list[Start]:
             continue
         for start in kind.reading_starts(problem.evidence.sensor, problem.evidence.protocol):
             effect = start.effect
-            if (kind.name, _number(effect)) in present:
+            if start.reciprocal or (kind.name, _number(effect)) in present:
                 continue
             if isinstance(effect, AcquisitionEffect):
                 effect = effect.scaled_to(problem.acquisition.largest_v)

@@ -6,6 +6,8 @@ from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter, map_coordinates
+from scipy.spatial import cKDTree
 
 from ertskin.physics.conduction.mesh import Grading
 from ertskin.physics.conduction.sheet import Resolution, SheetModel
@@ -18,8 +20,9 @@ RESOLUTION = Resolution(1, Grading(cell_m=3e-3, rim_m=5e-4, growth=7.0, spread=0
 EVEN_OHM_SQ = 1e4
 LEAST_OHM = 10.0
 """Contact resistance where the sensor guesses none."""
-TOGETHER = 1 << 22
-"""Distances that are held at once."""
+CELL_M = 5e-4
+REACH = 6.0
+"""Standard deviations beyond which heat doesn't spread."""
 
 
 @lru_cache(maxsize=4)
@@ -37,18 +40,22 @@ def dissipated(sensor: Sensor, protocol: Protocol) -> tuple[Array, Array, Array]
 
 def heat_at(position_m: Array, sensor: Sensor, protocol: Protocol, spread_m: float) -> Array:
     """(N,) power density at positions (N,2) over its mean, the heat spread sideways by ``spread_m`` (rms)."""
-    return _heat_at(np.ascontiguousarray(position_m, dtype=float).tobytes(), sensor, protocol, spread_m)
+    cells = (np.asarray(position_m) - sensor.extent_m[0]) / CELL_M
+    return np.asarray(map_coordinates(_spread_heat(sensor, protocol, spread_m), cells.T, order=1, mode="nearest"))
 
 
-@lru_cache(maxsize=32)
-def _heat_at(positions: bytes, sensor: Sensor, protocol: Protocol, spread_m: float) -> Array:
-    """The same, remembered: fits ask for it at the same places again and again."""
-    position_m = np.frombuffer(positions).reshape(-1, 2)
+@lru_cache(maxsize=16)
+def _spread_heat(sensor: Sensor, protocol: Protocol, spread_m: float) -> Array:
+    """(X,Y) the same on a grid over the sheet's box, remembered: fits ask for it again and again."""
     place_m, area_m2, power = dissipated(sensor, protocol)
-    found = np.empty(len(position_m))
-    for few in np.array_split(np.arange(len(position_m)), 1 + len(position_m) * len(place_m) // TOGETHER):
-        square = ((position_m[few, None] - place_m) ** 2).sum(axis=2)
-        weight = area_m2 * np.exp(-0.5 * (square - square.min(axis=1, keepdims=True)) / spread_m**2)
-        found[few] = weight @ power / weight.sum(axis=1)
-    found.flags.writeable = False
+    low_m, high_m = sensor.extent_m
+    shape = tuple(np.ceil((high_m - low_m) / CELL_M).astype(int) + 1)
+    area, heat = np.zeros(shape), np.zeros(shape)
+    cell = tuple(np.rint((place_m - low_m) / CELL_M).astype(int).T)
+    np.add.at(area, cell, area_m2)
+    np.add.at(heat, cell, area_m2 * power)
+    area, heat = (gaussian_filter(one, spread_m / CELL_M, mode="constant", truncate=REACH) for one in (area, heat))
+    found = heat / np.where(area > 0, area, 1.0)
+    empty = np.argwhere(area <= 0)
+    found[area <= 0] = power[cKDTree(place_m).query(low_m + CELL_M * empty)[1]]
     return found

@@ -99,6 +99,11 @@ class Effect:
         return {f.name: _as_builtins(getattr(self, f.name)) for f in fields(self)}
 
     @property
+    def signals(self) -> tuple[Signal, ...]:
+        """What shows it in the form at hand."""
+        return self.hypothesis.signals
+
+    @property
     def place(self) -> tuple[tuple[float, float], float] | None:
         """Middle and radius in metre of where on the sheet it is, None where that is nowhere in particular."""
         return None
@@ -138,8 +143,8 @@ class Effect:
 
 
 def shown_by(effect: Effect | type[Effect], signal: Signal) -> bool:
-    """Whether a signal shows an effect."""
-    return signal in effect.hypothesis.signals
+    """Whether a signal shows an effect in the form at hand, or in any form of its kind."""
+    return signal in (effect.hypothesis.signals if isinstance(effect, type) else effect.signals)
 
 
 @dataclass(frozen=True)

@@ -53,6 +53,12 @@ class SelfHeating(SheetEffect, AcquisitionEffect):
     )
     spread_m: float = parameter("m", 1e-3, 0.03, 2e-3, 1e-3, "how far heat spreads sideways", defining=False)
 
+    @property
+    def signals(self) -> tuple[Signal, ...]:
+        """Without what comes within a scan every reading of it is that of one network."""
+        within = self.rise != 0 or self.crowded_rise == 0
+        return tuple(s for s in self.hypothesis.signals if within or s != Signal.NONRECIPROCAL)
+
     def distorted_v(self, voltage_v: Array, protocol: Protocol) -> Array:
         return np.asarray(voltage_v * np.exp(self.rise * self.within_scan(protocol))[:, None])
 
@@ -77,10 +83,11 @@ class SelfHeating(SheetEffect, AcquisitionEffect):
 
     def course(self, time_s: Array) -> Array:
         """(T,) warmth of the scans at ``time_s`` (T,) so far, that of the scan itself among them."""
-        if len(time_s) < 2:
-            return np.zeros(len(time_s))
         step_s = np.maximum(np.diff(time_s), 0.0)
-        each, kept = float(np.median(step_s)) / self.lasts_s, np.exp(-step_s / self.lasts_s)
+        if not step_s.any():
+            return np.zeros(len(time_s))
+        pace_s, kept = float(np.median(step_s[step_s > 0])), np.exp(-step_s / self.lasts_s)
+        each = -np.expm1(-pace_s / self.lasts_s)
         warm = np.full(len(time_s), each)
         for t in range(1, len(warm)):
             warm[t] += kept[t - 1] * warm[t - 1]

@@ -23,8 +23,8 @@ _REMEMBERED = 256
 class PressForward:
     """Presses on ``skin``, its effects included, that have lasted ``dwell_s`` since the skin was at rest.
 
-    Only what a press changes is solved again. Press and rest are taken at the recording's time zero: drift over the
-    recording has no part in a change.
+    Only what a press changes is solved again. Press and rest are taken at the recording's time zero, of a sheet that is
+    warmed through by its scans: drift over the recording has no part in a change.
     """
 
     skin: Skin
@@ -45,9 +45,10 @@ class PressForward:
         """The untouched sheet."""
         if self._rest is None:
             skin, (elements, points) = self.skin, self.skin.sheet.weight_m2.shape
-            conductance = skin.resting_conductance_s
+            even = skin.resting_conductance_s.reshape(elements, points, *skin.resting_conductance_s.shape[1:])
+            conductance = even * self._warmth.reshape(-1, *(1,) * (even.ndim - 1))
             contacts = skin.contact_resistances_ohm(np.zeros(1), np.zeros((1, skin.sheet.electrodes)))[0]
-            self._rest = skin.sheet.solve(conductance.reshape(elements, points, *conductance.shape[1:]), contacts)
+            self._rest = skin.sheet.solve(conductance, contacts)
         return self._rest
 
     def __getstate__(self) -> dict[str, object]:
@@ -108,7 +109,14 @@ class PressForward:
         course = np.stack([np.zeros_like(pressed), pressed, pressed])
         fabric = self.skin.fabric_ohm_sq(course, position, np.array([0.0, 1e-3, self.dwell_s]), np.array([2]))
         factor = self.skin.sheet_factor[elements]
-        return np.asarray(factor / fabric[0].reshape(*pressure_pa.shape, *(1,) * (factor.ndim - 2)))
+        pressed_s = factor / fabric[0].reshape(*pressure_pa.shape, *(1,) * (factor.ndim - 2))
+        return np.asarray(pressed_s * self._warmth[elements].reshape(-1, *(1,) * (factor.ndim - 1)))
+
+    @cached_property
+    def _warmth(self) -> Array:
+        """(E,) factor on the elements' conductance by the warmth of a skin in use."""
+        warmth = self.skin.warm_through(self.skin.sheet.quadrature_m.mean(axis=1))
+        return np.ones(len(self.skin.sheet.weight_m2)) if warmth is None else np.exp(warmth)
 
     @cached_property
     def _contacts_respond(self) -> bool:

@@ -73,3 +73,22 @@ def test_order_and_company_of_the_presses_do_not_matter():
 def test_a_load_cell_in_air_presses_nothing():
     nothing = PressForward(skin()).change_ohm(np.full((2, 1, 2), np.nan), np.array([[0.007], [np.nan]]))
     assert not nothing.any()
+
+
+def test_a_skin_that_its_scans_have_warmed_is_pressed_warm():
+    whole = skin({"self_heating": {"crowded_rise": -0.1, "lasts_s": 5.0}})
+    found = PressForward(whole).change_ohm(PRESSES_M[:1], FORCES_N[:1])[0]
+    rests = 60
+    history = History(
+        np.arange(rests + 2.0),
+        np.zeros(rests + 2, dtype=np.int64),
+        np.r_[np.zeros(rests), 1, 1].astype(np.uint8),
+        np.concatenate([np.full((rests, 2, 2), np.nan), np.repeat(PRESSES_M[:1], 2, axis=0)]),
+        np.full((rests + 2, 2), np.nan),
+        np.concatenate([np.full((rests, 2), np.nan), np.repeat(FORCES_N[:1], 2, axis=0)]),
+    )
+    resistance = whole.pair_resistance_ohm(history, wanted=np.array([rests - 1, rests + 1]))
+    expected = resistance[1] - resistance[0]
+    assert np.linalg.norm(found - expected) < 1e-3 * np.linalg.norm(expected)
+    cold = PressForward(skin()).change_ohm(PRESSES_M[:1], FORCES_N[:1])[0]
+    assert np.linalg.norm(cold - expected) > 0.01 * np.linalg.norm(expected)

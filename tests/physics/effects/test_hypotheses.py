@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from ertskin.hardware.virtual.bench.nominal import nominal_sensor
-from ertskin.physics.effects.effect import Effect, Start
+from ertskin.physics.effects.effect import Effect, Start, shown_by
 from ertskin.physics.effects.hypothesis import Measured, Need, Signal
 from ertskin.physics.effects.registry import effect_classes, effects_shown_by, measured_as
 from ertskin.physics.effects.self_heating import SelfHeating
@@ -105,9 +105,12 @@ def test_scans_that_follow_one_another_warm_the_sheet_through_and_a_pause_cools_
     heated = SelfHeating(crowded_rise=-0.01, lasts_s=20.0)
     time_s = np.concatenate([np.arange(200.0), [239.0]])
     course = heated.course(time_s)
-    assert course[0] == pytest.approx(1 / 20)
-    assert course[199] == pytest.approx((1 / 20) / -np.expm1(-1 / 20), rel=1e-3)
-    assert course[200] == pytest.approx(course[199] * np.exp(-40 / 20) + 1 / 20)
+    each = -np.expm1(-1 / 20)
+    assert course[0] == pytest.approx(each)
+    assert course[199] == pytest.approx(1.0, rel=1e-3)
+    assert course[200] == pytest.approx(course[199] * np.exp(-40 / 20) + each)
+    # Times kept in whole seconds of scans that follow faster still have a pace.
+    assert heated.course(np.repeat(np.arange(20.0), 3)).max() > 0
 
 
 def test_warmth_that_stays_is_where_current_crowds() -> None:
@@ -119,3 +122,10 @@ def test_warmth_that_stays_is_where_current_crowds() -> None:
     assert pattern[0] > 2 * pattern[1] > 0
     np.testing.assert_allclose(course, heated.course(np.arange(50.0)))
     assert SelfHeating(rise=0.01).warmth(np.array([pad]), np.arange(50.0), SENSOR, PROTOCOL) is None
+
+
+def test_only_what_comes_within_a_scan_shows_beyond_networks() -> None:
+    assert shown_by(SelfHeating(rise=0.01), Signal.NONRECIPROCAL)
+    assert shown_by(SelfHeating, Signal.NONRECIPROCAL)
+    assert not shown_by(SelfHeating(crowded_rise=0.01), Signal.NONRECIPROCAL)
+    assert shown_by(SelfHeating(rise=0.01, crowded_rise=0.01), Signal.NONRECIPROCAL)

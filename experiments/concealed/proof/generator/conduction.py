@@ -136,6 +136,7 @@ class LoadWarmedSheet(WarmingSheet):
     """A draught that comes and goes, and a warm indenter that leaves warm places behind."""
 
     form, source = "draught_and_warm_load", "Carslaw and Jaeger, Conduction of Heat in Solids, 1959, section 10.3"
+    bends = True
 
     def draw(self, skin: Skin, rng: np.random.Generator) -> None:
         super().draw(skin, rng)

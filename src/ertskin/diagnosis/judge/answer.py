@@ -83,7 +83,7 @@ class Case:
     @cached_property
     def noisy(self) -> dict[int, float]:
         """Channels that scatter more than the others, and how many times as much."""
-        return noisy_channels(self.evidence.leftover_v[self.evidence.rest])
+        return noisy_channels(self.evidence.leftover_v[self.evidence.rest], self.evidence.protocol)
 
     @property
     def faulty(self) -> tuple[int, ...]:

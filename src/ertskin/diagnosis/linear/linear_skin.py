@@ -265,10 +265,11 @@ class LinearSkin:
     def _warmed(self, skin: Skin) -> Array | None:
         """(n,P) change of the scans by what comes and goes in the sheet, to first order about what is usual there; None
         for none."""
+        somewhere = self._points[:1]
+        if all(one.warm_through(somewhere) is None for one in (skin, self.skin)):
+            return None
         nodes, columns, _ = self._everywhere
         warmth = skin.warmth(nodes, self.history.time_s, self.wanted)
-        if warmth is None and not self._warmth_at_nodes.any():
-            return None
         change = np.expm1((0.0 if warmth is None else warmth) - self._warmth_at_nodes)
         change = np.broadcast_to(change, (len(self.wanted), len(nodes)))
         return np.asarray(change * np.exp(-self._sheet_change(skin, nodes).log_size) @ columns.T)

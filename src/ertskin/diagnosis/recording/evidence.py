@@ -133,7 +133,7 @@ def gather(recording: Recording, criteria: Criteria = DEFAULT) -> Evidence:
         limit = float(np.nanmax(voltage))
     fitted = (scan @ protocol.orthonormal.T).reshape(voltage.shape)
     leftover = np.where(spike | ~np.isfinite(voltage), 0.0, voltage - fitted)
-    freedom = _freedom(protocol, np.isfinite(voltage).mean(axis=0) > 0.5)
+    freedom = leftover_freedom(protocol, np.isfinite(voltage).mean(axis=0) > 0.5)
     noise_v = _noise_v(protocol, scan, leftover / np.sqrt(np.maximum(freedom, LEAST_FREEDOM)), spike, rest)
     scan[~determined | (spike[:, protocol.taken].mean(axis=1) >= 0.5)] = np.nan
     if not np.sqrt((np.nanmean(scan[rest], axis=0) ** 2).mean()) > LEAST_SIGNAL * noise_v:
@@ -247,7 +247,7 @@ def _determined(protocol: Protocol, missing: NDArray[np.bool_]) -> NDArray[np.bo
     return held[of.ravel()]
 
 
-def _freedom(protocol: Protocol, present: NDArray[np.bool_]) -> Array:
+def leftover_freedom(protocol: Protocol, present: NDArray[np.bool_]) -> Array:
     """(K,M) part of a reading's noise variance that a network's fit leaves, where only some readings are ``present``.
 
     A dead channel leaves some pairs to few readings, which the fit then follows closely.

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-import warnings
-
 import numpy as np
 from numpy.typing import NDArray
+
+from ertskin.diagnosis.recording.evidence import LEAST_FREEDOM, leftover_freedom
+from ertskin.physics.protocol import Protocol
 
 Array = NDArray[np.float64]
 
@@ -15,22 +16,28 @@ SURELY = 5.0
 """Standard deviations of chance beyond that."""
 FEWEST = 30
 """Readings that a channel must have to be judged."""
+FEWEST_CHANNELS = 4
+"""Channels that must be judged for most of them to say what is usual."""
 
 
-def noisy_channels(leftover_v: NDArray[np.floating]) -> dict[int, float]:
+def noisy_channels(leftover_v: NDArray[np.floating], protocol: Protocol) -> dict[int, float]:
     """Channels, and how many times the usual they scatter, by what no network explains of rest frames (R,K,M) in volt;
     nought says nothing.
 
-    From differences of frames on end: what a channel is off by in all of them is another matter.
+    From differences of frames on end: what a channel is always off by is another matter. Readings that a network
+    follows closely say nothing, for most of their noise isn't left.
     """
     if len(leftover_v) < 2:
         return {}
-    known = (leftover_v[1:] != 0) & (leftover_v[:-1] != 0)
-    change = np.where(known, np.diff(leftover_v.astype(float), axis=0), np.nan)
+    freedom = leftover_freedom(protocol, (leftover_v != 0).mean(axis=0) > 0.5)
+    known = (leftover_v[1:] != 0) & (leftover_v[:-1] != 0) & (freedom > LEAST_FREEDOM)
+    size = np.sqrt(np.maximum(freedom, LEAST_FREEDOM))
+    change = np.where(known, np.diff(leftover_v.astype(float), axis=0) / size, np.nan)
     count = known.sum(axis=(0, 1))
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RuntimeWarning)  # of channels without readings, which stay NaN
-        scatter = np.sqrt(np.nanmean(change**2, axis=(0, 1)))
-    ratio = scatter / np.nanmedian(scatter) if np.isfinite(scatter).any() else scatter
-    most = MORE + SURELY / np.sqrt(np.maximum(count, 1))
-    return {int(k): float(ratio[k]) for k in np.flatnonzero((ratio > most) & (count >= FEWEST))}
+    judged = np.flatnonzero(count >= FEWEST)
+    if len(judged) < FEWEST_CHANNELS:
+        return {}
+    scatter = np.sqrt(np.nanmean(change[..., judged] ** 2, axis=(0, 1)))
+    ratio = scatter / np.median(scatter)
+    noisy = ratio > MORE + SURELY / np.sqrt(count[judged])
+    return {int(k): float(times) for k, times in zip(judged[noisy], ratio[noisy], strict=True)}

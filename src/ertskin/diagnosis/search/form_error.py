@@ -70,6 +70,8 @@ def _other_forms(problem: VoltageProblem, effects: Sequence[Effect]) -> tuple[Ac
     found = []
     for effect in instrument.values():
         for start in type(effect).reading_starts(problem.evidence.sensor, problem.evidence.protocol):
+            if start.reciprocal:
+                continue
             size = {key: abs(getattr(effect, key)) or getattr(start.effect, key) for key in start.along}
             found.append(cast(AcquisitionEffect, start.effect.changed(size)).scaled_to(largest_v))
     return tuple(found)

@@ -169,11 +169,14 @@ class _Search:
         return self.by_own_readings(incumbent)
 
     def by_own_readings(self, incumbent: CheckedFit) -> CheckedFit:
-        """The fit without the specimen, and all that follow."""
+        """The fit without the specimen, and all that follow; as linearised here where it settles nowhere."""
         build = self.build
         self.disagrees, self.build = True, lambda solved: replace(build(solved), specimen=None)
         proposed = _where_it_settles(self.build, None, incumbent.solved)
-        return incumbent if proposed is None else _reconsidered(self.build, proposed)
+        if proposed is None:
+            without, solved = replace(incumbent.problem, specimen=None), incumbent.solved
+            return checked_fit(without, without.solve(solved.terms, solved.calibration))
+        return _reconsidered(self.build, proposed)
 
     def _without_drifts(self, incumbent: CheckedFit) -> CheckedFit:
         """Without contacts that wander, where places that have not recovered explain them."""

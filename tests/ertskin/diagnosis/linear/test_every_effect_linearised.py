@@ -15,6 +15,7 @@ from ertskin.physics.effects.contact_drift import ContactDrift
 from ertskin.physics.effects.effect import Effect, FoamEffect, SheetEffect, shown_by
 from ertskin.physics.effects.hypothesis import Measured, Signal
 from ertskin.physics.effects.registry import effect_classes
+from ertskin.physics.effects.self_heating import SelfHeating
 from ertskin.physics.history import History
 from ertskin.physics.protocol import Protocol, electrode_pairs
 from ertskin.physics.skin import Skin
@@ -105,6 +106,22 @@ def held(skin: Skin, linear: LinearSkin, effect: Effect, within: float) -> None:
 )
 def test_an_effect_changes_both_alike(skin: Skin, linear: LinearSkin, effect: Effect) -> None:
     held(skin, linear, effect, WITHIN)
+
+
+@pytest.mark.parametrize("others", [(), (SelfHeating(crowded_rise=-0.03, lasts_s=12.0),)], ids=["cold", "as warm"])
+def test_a_skin_linearised_while_it_is_warm_follows_the_whole_one(
+    skin: Skin, history: History, others: tuple[Effect, ...]
+) -> None:
+    warm = replace(skin, effects=(SelfHeating(crowded_rise=-0.05, lasts_s=12.0),))
+    force_n = np.nan_to_num(skin.force_n(history))
+    linear = LinearSkin(warm, history, force_n, np.arange(len(history)), None)
+    before, after = (
+        SCAN.whitened(one.pair_resistance_ohm(history, force_n)) for one in (warm, replace(warm, effects=others))
+    )
+    change = after - before
+    np.testing.assert_allclose(linear.scans(warm, force_n), before, atol=0.1 * np.abs(change).max())
+    found = linear.scans(replace(warm, effects=others), force_n) - linear.scans(warm, force_n)
+    np.testing.assert_allclose(found, change, atol=0.1 * np.abs(change).max())
 
 
 def test_every_effect_that_is_searched_for_was_looked_at() -> None:

@@ -10,12 +10,12 @@ from ertskin.diagnosis.recording.evidence import (
     _bent_from,
     _channels_restored,
     _compressed,
-    _freedom,
     _leftover_noise_v,
     _noise_error,
     _presses_restored,
     _saturation,
     _scans,
+    leftover_freedom,
 )
 from ertskin.physics.protocol import Protocol, electrode_pairs
 from ertskin.physics.spikes import despiked
@@ -166,7 +166,7 @@ def test_a_dead_channel_leaves_the_noise_as_it_is(protocol: Protocol) -> None:
     voltage[..., 7] = np.nan
     _, fitted, spike = split(protocol, voltage)
     assert spike[..., 7].all()
-    freedom = _freedom(protocol, np.isfinite(voltage).all(axis=0))
+    freedom = leftover_freedom(protocol, np.isfinite(voltage).all(axis=0))
     leftover = np.where(spike, 0.0, voltage - fitted) / np.sqrt(np.maximum(freedom, 0.05))
     assert _leftover_noise_v(leftover, spike, np.ones(FRAMES, dtype=bool)) == pytest.approx(NOISE_V, rel=0.02)
 
