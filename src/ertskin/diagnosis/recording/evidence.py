@@ -129,9 +129,9 @@ def gather(recording: Recording, criteria: Criteria = DEFAULT) -> Evidence:
     if not determined[rest].any():
         raise CannotTell(_what_is_lost(protocol, voltage[rest]))
     scan, spike, bent = _scans(protocol, voltage, rest, limit is not None)
-    if limit is None and bent:
-        limit = float(np.nanmax(voltage))
     fitted = (scan @ protocol.orthonormal.T).reshape(voltage.shape)
+    if limit is None and bent:
+        limit = _bent_level_v(voltage, fitted, spike)
     leftover = np.where(spike | ~np.isfinite(voltage), 0.0, voltage - fitted)
     freedom = leftover_freedom(protocol, np.isfinite(voltage).mean(axis=0) > 0.5)
     noise_v = _noise_v(protocol, scan, leftover / np.sqrt(np.maximum(freedom, LEAST_FREEDOM)), spike, rest)
@@ -350,6 +350,16 @@ def _bent_at_top(voltage: Array, fitted: Array, spike: NDArray[np.bool_]) -> boo
     if spike[as_large].mean() < 0.5:
         return False
     return bool((voltage < fitted)[top & spike].mean() > 0.9)
+
+
+def _bent_level_v(voltage: Array, fitted: Array, spike: NDArray[np.bool_]) -> float:
+    """Voltage at which a converter bends: where noise comes after it, the largest reading lies far above.
+
+    The middle of the readings that fall short, of the largest there should be.
+    """
+    known = np.isfinite(fitted) & np.isfinite(voltage)
+    short = known & spike & (voltage < fitted) & (fitted > np.quantile(fitted[known], 1 - TOP))
+    return float(np.median(voltage[short])) if short.any() else float(np.nanmax(voltage))
 
 
 def _leftover_noise_v(leftover: Array, spike: NDArray[np.bool_], rest: NDArray[np.bool_]) -> float:

@@ -8,6 +8,7 @@ import pytest
 from ertskin.diagnosis.recording.evidence import (
     _bent_at_top,
     _bent_from,
+    _bent_level_v,
     _channels_restored,
     _compressed,
     _leftover_noise_v,
@@ -75,6 +76,17 @@ def test_a_converter_that_bends_is_seen_and_a_straight_one_is_not(protocol: Prot
     bent = np.where(voltage > knee, knee + 0.2 * (voltage - knee), voltage)
     _, fitted, spike = split(protocol, bent)
     assert _bent_at_top(bent, fitted, spike)
+
+
+def test_a_limit_under_noise_is_where_readings_stop_not_the_largest_of_them(protocol: Protocol) -> None:
+    rng = np.random.default_rng(5)
+    pairs = 3e4 * (1 + rng.random(protocol.electrodes * (protocol.electrodes - 1) // 2))
+    clean = np.repeat(protocol.readings(pairs[None]), FRAMES, axis=0)
+    limit = float(np.quantile(clean, 0.9995))
+    voltage = np.minimum(clean, limit) + NOISE_V * rng.standard_normal(clean.shape)
+    _, fitted, spike = split(protocol, voltage)
+    assert voltage.max() > limit + 2 * NOISE_V
+    assert _bent_level_v(voltage, fitted, spike) == pytest.approx(limit, abs=NOISE_V)
 
 
 def test_what_is_compressed_softly_is_neither_spike_nor_limit(protocol: Protocol) -> None:
