@@ -29,6 +29,7 @@ class Crosstalk(AcquisitionEffect):
     name: ClassVar[str] = "crosstalk"
     source: ClassVar[str] = "Charge left on a multiplexed converter's input capacitor"
     order: ClassVar[int] = 1
+    form_error: ClassVar[float] = 0.2
     hypothesis: ClassVar[Hypothesis] = Hypothesis((Axis.SCAN_ORDER,), (Signal.NONRECIPROCAL,), (Need.MORE_READINGS,))
 
     fraction: float = parameter("1", 0.0, 0.5, 0.0, 1e-3, "part kept of the reading before")

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ertskin.diagnosis.contract.claims import FORM, QUANTILE, Claim, Estimate, FieldMap
+from ertskin.diagnosis.contract.claims import QUANTILE, Claim, Estimate, FieldMap
 from ertskin.diagnosis.fit.joint_fit import Solved
 from ertskin.diagnosis.force.fit import ForceFit
 from ertskin.diagnosis.judge.result import Findings
@@ -95,7 +95,7 @@ def quantities(effect: Effect, standard: Standard, spread: Spread) -> dict[str, 
     for name, value in values.items():
         slope = np.array([one.get(name, 0.0) for one in moved])
         error = max((float(np.sqrt(max(slope @ c @ slope, 0.0))) for c in spread.covariance), default=0.0)
-        least = SMOOTH if getattr(effect, "nodes", ()) else FORM
+        least = SMOOTH if getattr(effect, "nodes", ()) else effect.form_error
         half = max(QUANTILE * error, least * abs(value))
         if np.isfinite([value, half]).all():
             found[name] = Estimate(value, value - half, value + half, UNITS.get(name[-2:], "1"))
