@@ -28,7 +28,7 @@ REACH = 6.0
 @lru_cache(maxsize=4)
 def dissipated(sensor: Sensor, protocol: Protocol) -> tuple[Array, Array, Array]:
     """Middles (E,2) and areas (E,) of a resting even sheet's elements, and the power density (E,) that a scan gives off
-    in them, over its mean: int sigma |grad u|^2 by the complete electrode model."""
+    in them, over its mean: int sigma |grad u|^2 by the complete electrode model, to a tenth."""
     model = SheetModel(sensor, RESOLUTION)
     contact_ohm = np.full(protocol.electrodes, max(sensor.contact_resistance_guess_ohm, LEAST_OHM))
     solution = model.solve(model.uniform(EVEN_OHM_SQ), contact_ohm)

@@ -24,7 +24,7 @@ WORTH_TRYING = 0.15
 """Least part of the best candidate's expected gain that makes another worth a fit."""
 EXPECTED = 0.2
 """Part of what a name must gain that a candidate must be expected to gain: of 230 fits on recordings of known truth
-none of those that were expected to gain less gained a third of it."""
+none of those known to be expected to gain less gained a third of it (of two what was expected wasn't kept)."""
 SHARES = 1.0, 0.3, 0.1
 """Of a candidate's size, at which it is begun."""
 
