@@ -2,37 +2,50 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import lfilter
 
-from ertskin.physics.effects.effect import AcquisitionEffect, Array, Start, parameter
+from ertskin.physics.effects.effect import AcquisitionEffect, Array, Start, parameter, parameters
 from ertskin.physics.effects.hypothesis import Axis, Hypothesis, Need, Signal
 from ertskin.physics.effects.standard import Standard
 from ertskin.physics.protocol import Protocol
 from ertskin.physics.sensor import Sensor
 
 BEGINNINGS = "carried", "discharged", "settled"
+LASTING = 0.5, 0.9
+"""Where fits of a memory of more than one reading begin."""
 
 
 @dataclass(frozen=True)
 class Crosstalk(AcquisitionEffect):
-    """A reading keeps ``fraction`` of the one before it in the scan, where ``channel`` is read (-1: every channel).
+    """A reading keeps ``fraction`` of those before it in the scan, where ``channel`` is read (-1: every channel), and
+    ``shares`` (M,) more, channel by channel.
 
-    ``before``: ``"channel"``, the neighbouring channel of the same injection; ``"injection"``, the same channel in the
-    injection before. ``begins``: what the first channel of an injection finds: ``"carried"``, the last reading of the
-    injection before; ``"discharged"``, an empty capacitor; ``"settled"``, its own value already.
+    ``before``: ``"channel"``, the channels read before; ``"injection"``, the same channel in the injections before.
+    What is kept is the last reading before, and of what that one had found the part ``lasting``: dielectrics give back
+    slowly. ``begins``: what the first channel of an injection finds: ``"carried"``, the last reading of the injection
+    before; ``"discharged"``, an empty capacitor; ``"settled"``, its own value already.
     """
 
     name: ClassVar[str] = "crosstalk"
-    source: ClassVar[str] = "Charge left on a multiplexed converter's input capacitor"
+    source: ClassVar[str] = (
+        "Charge left on a multiplexed converter's input capacitor; what its dielectric gives back as in R. A. Pease,"
+        " Understand capacitor soakage to optimize analog systems, EDN 27 (1982) 125"
+    )
     order: ClassVar[int] = 1
     form_error: ClassVar[float] = 0.2
     hypothesis: ClassVar[Hypothesis] = Hypothesis((Axis.SCAN_ORDER,), (Signal.NONRECIPROCAL,), (Need.MORE_READINGS,))
 
     fraction: float = parameter("1", 0.0, 0.5, 0.0, 1e-3, "part kept of the reading before")
+    lasting: float = parameter(
+        "1", 0.0, 0.99, 0.0, 0.1, "part of what a reading found that the next one finds", defining=False
+    )
+    shares: tuple[float, ...] = parameters("1", -0.5, 0.5, 0.0, 1e-3, "part more that a channel keeps")
     channel: int = -1
     before: str = "channel"
     begins: str = "carried"
@@ -46,35 +59,67 @@ class Crosstalk(AcquisitionEffect):
 
     def distorted_v(self, voltage_v: Array, protocol: Protocol) -> Array:
         flat = voltage_v.reshape(*voltage_v.shape[:-2], -1)
-        previous = flat[..., _read_before(protocol, self.before)].reshape(voltage_v.shape)
-        if self.before == "channel" and self.begins != "carried":
-            first = np.arange(protocol.shape[0]), protocol.taken.argmax(axis=1)
-            previous[..., *first] = 0.0 if self.begins == "discharged" else voltage_v[..., *first]
-        columns = slice(None) if self.channel < 0 else slice(self.channel, self.channel + 1)
-        mixed = voltage_v.copy()
-        mixed[..., columns] += self.fraction * (previous - voltage_v)[..., columns]
-        return mixed
+        mixed, kept = flat.copy(), np.tile(self._kept(protocol.shape[1]), protocol.shape[0])
+        for run in _runs(protocol, self.before, self.begins == "carried"):
+            values = flat[..., run]
+            mixed[..., run] += kept[run] * (self._found(values) - values)
+        return mixed.reshape(voltage_v.shape)
+
+    def _kept(self, channels: int) -> Array:
+        """(M,) what each channel keeps."""
+        kept = np.full(channels, self.fraction)
+        if self.channel >= 0:
+            kept[np.arange(channels) != self.channel] = 0.0
+        return kept + (np.array(self.shares) if self.shares else 0.0)
+
+    def _found(self, values: Array) -> Array:
+        """(...,n) what each of readings (...,n) in turn finds."""
+        first = np.zeros_like(values[..., :1]) if self.begins == "discharged" else values[..., :1]
+        if self.lasting == 0:
+            return np.concatenate([first, values[..., :-1]], axis=-1)
+        last = self.lasting
+        later, _ = lfilter([1 - last], [1.0, -last], values[..., :-1], axis=-1, zi=last * first)
+        return np.concatenate([first, later], axis=-1)
 
     def quantities(self, standard: Standard) -> dict[str, float]:
-        """What is kept of the reading before, where all channels do."""
-        return {"share_kept": self.fraction} if self.channel < 0 else {}
+        """What is kept of the reading before, where all channels do: mean over channels."""
+        if self.channel >= 0:
+            return {}
+        kept = self.fraction + (float(np.mean(self.shares)) if self.shares else 0.0)
+        return {"share_kept": (1 - self.lasting) * kept}
 
     @classmethod
     def reading_starts(cls, sensor: Sensor, protocol: Protocol) -> tuple[Start, ...]:
         """All channels alike, however an injection begins, and each alone; a first one may find an empty capacitor."""
-        ways, channels = ("channel", "injection"), range(-1, protocol.shape[1])
-        every = [cls(fraction=0.01, channel=channel, before=way) for way in ways for channel in channels]
-        every += [cls(fraction=0.01, begins=begins) for begins in BEGINNINGS[1:]]
+        ways, channels = ("channel", "injection"), range(protocol.shape[1])
+        alike = cls(fraction=0.01, shares=(0.0,) * protocol.shape[1])
+        every = [replace(alike, before=way) for way in ways] + [replace(alike, begins=one) for one in BEGINNINGS[1:]]
+        every += [cls(fraction=0.01, channel=channel, before=way) for way in ways for channel in channels]
         first = np.unique(protocol.taken.argmax(axis=1)).tolist()
         every += [cls(fraction=0.01, channel=channel, begins=BEGINNINGS[1]) for channel in first]
-        return tuple(Start(one, ("fraction",), ("fraction",)) for one in every)
+        lasting = [replace(alike, lasting=one) for one in LASTING]
+        found = [Start(one, ("fraction",), ("fraction",)) for one in every]
+        return (*found, *(Start(one, ("fraction", "lasting"), ("fraction",)) for one in lasting))
+
+    def freer(self, free: tuple[str, ...]) -> tuple[Start, ...]:
+        """With a memory of more than the last reading, and channels that each keep their own part."""
+        found = []
+        if "lasting" not in free:
+            found += [Start(replace(self, lasting=one), (*free, "lasting")) for one in LASTING]
+        if "fraction" in free and self.shares:
+            each = replace(self, fraction=0.0, shares=tuple(self.fraction + share for share in self.shares))
+            others = (key for key in free if key != "fraction")
+            found.append(Start(each, (*others, *(f"shares[{k}]" for k in range(len(self.shares))))))
+        return tuple(found)
 
 
-def _read_before(protocol: Protocol, before: str) -> NDArray[np.intp]:
-    """(K*M,) number of the reading taken before each; itself for the first, and where none is taken."""
-    number, taken = np.arange(protocol.taken.size).reshape(protocol.shape), protocol.taken.ravel()
-    found = number.ravel().copy()
-    for run in [number.ravel()] if before == "channel" else number.T:
-        read = run[taken[run]]
-        found[read[1:]] = read[:-1]
-    return found
+@lru_cache(maxsize=16)
+def _runs(protocol: Protocol, before: str, carried: bool) -> list[NDArray[np.intp]]:
+    """Readings (r,n) by their numbers, those of each row taken one after the other; rows of every length."""
+    number, taken = np.arange(protocol.taken.size).reshape(protocol.shape), protocol.taken
+    if before == "channel":
+        rows = [number[taken]] if carried else [number[k][taken[k]] for k in range(len(number))]
+    else:
+        rows = [number[taken[:, m], m] for m in range(protocol.shape[1])]
+    lengths = sorted({len(row) for row in rows} - {0})
+    return [np.array([row for row in rows if len(row) == length]) for length in lengths]

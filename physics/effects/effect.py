@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from enum import StrEnum
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Self, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -63,6 +63,11 @@ def parameter(
     )
 
 
+def parameters(unit: str, low: float, high: float, neutral: float, typical: float, meaning: str) -> Any:
+    """A dataclass field (n,) of several of a kind, none by default: ``name[k]`` is the k-th of a field ``name``."""
+    return field(default=(), metadata={"parameters": Parameter(unit, low, high, neutral, typical, meaning)})
+
+
 @dataclass(frozen=True)
 class Effect:
     """Base of every effect; ``name`` as in the design's table, ``source`` what the form rests on.
@@ -83,6 +88,9 @@ class Effect:
             value = getattr(self, key)
             if not known.low <= value <= known.high:
                 raise ValueError(f"{self.name}.{key} = {value:g} {known.unit}: outside [{known.low:g}, {known.high:g}]")
+        for key, known in ((f.name, f.metadata["parameters"]) for f in fields(self) if "parameters" in f.metadata):
+            if any(not known.low <= value <= known.high for value in getattr(self, key)):
+                raise ValueError(f"{self.name}.{key}: all in [{known.low:g}, {known.high:g}] {known.unit}")
 
     @classmethod
     def parameters(cls) -> dict[str, Parameter]:
@@ -93,9 +101,31 @@ class Effect:
         """The continuous parameters' values."""
         return {key: float(getattr(self, key)) for key in self.parameters()}
 
+    def known(self, key: str) -> Parameter:
+        """What is known of a parameter, or of one of several (``name[k]``)."""
+        name, _ = _indexed(key)
+        found = {f.name: f.metadata.get("parameter") or f.metadata.get("parameters") for f in fields(self)}[name]
+        if found is None:
+            raise KeyError(key)
+        return cast(Parameter, found)
+
+    def value(self, key: str) -> float:
+        """A parameter's value, or that of one of several."""
+        name, number = _indexed(key)
+        found = getattr(self, name)
+        return float(found if number is None else found[number])
+
     def changed(self, values: Mapping[str, Any]) -> Self:
-        """The same effect with some fields replaced."""
-        return replace(self, **values)
+        """The same effect with some fields replaced, or some of several parameters."""
+        whole: dict[str, Any] = {}
+        for key, value in values.items():
+            name, number = _indexed(key)
+            if number is None:
+                whole[name] = value
+            else:
+                several = whole.setdefault(name, getattr(self, name))
+                whole[name] = (*several[:number], value, *several[number + 1 :])
+        return replace(self, **whole)
 
     def settings(self) -> dict[str, Any]:
         """Every field as plain Python, for a configuration file."""
@@ -162,6 +192,12 @@ class Start:
     free: tuple[str, ...]
     along: tuple[str, ...] = ()
     reciprocal: bool = False
+
+
+def _indexed(key: str) -> tuple[str, int | None]:
+    """A field's name and which of its several parameters a key means."""
+    name, _, number = key.partition("[")
+    return name, int(number.rstrip("]")) if number else None
 
 
 def _as_builtins(value: Any) -> Any:

@@ -44,6 +44,41 @@ def test_crosstalk_may_begin_anew_with_every_injection(readings, begins, kept) -
     np.testing.assert_array_equal(changed[..., 1:], carried[..., 1:])
 
 
+def test_crosstalk_may_last_longer_than_a_reading(readings) -> None:
+    """What a reading finds is the last one and a part of what that found: an exponential tail over all before."""
+    changed = Crosstalk(fraction=0.1, lasting=0.5, begins="discharged").distorted_v(readings, PROTOCOL)
+    before = readings[0, 3]
+    found = 0.5 * before[2] + 0.25 * before[1] + 0.125 * before[0]
+    assert changed[0, 3, 3] == pytest.approx(0.9 * before[3] + 0.1 * found)
+    along = Crosstalk(fraction=0.1, lasting=0.5).distorted_v(readings, PROTOCOL)
+    assert along[0, 0, 0] == pytest.approx(readings[0, 0, 0])
+
+
+def test_channels_may_keep_each_a_part_of_their_own(readings) -> None:
+    shares = (0.1, 0.0, 0.2, 0.0, 0.0)
+    changed = Crosstalk(shares=shares).distorted_v(readings, PROTOCOL)
+    for channel, share in enumerate(shares):
+        alike = Crosstalk(fraction=share).distorted_v(readings, PROTOCOL)
+        np.testing.assert_allclose(changed[..., channel], alike[..., channel])
+    *_, each = Crosstalk(fraction=0.1, shares=(0.0,) * 5).freer(("fraction",))
+    assert each.free == tuple(f"shares[{k}]" for k in range(5))
+    np.testing.assert_allclose(
+        each.effect.distorted_v(readings, PROTOCOL), Crosstalk(fraction=0.1).distorted_v(readings, PROTOCOL)
+    )
+
+
+def test_one_of_several_parameters_is_known_by_its_number() -> None:
+    effect = Crosstalk(shares=(0.1, 0.2)).changed({"shares[1]": 0.3, "fraction": 0.05, "shares[0]": 0.15})
+    assert effect.shares == (0.15, 0.3)
+    assert effect.value("shares[1]") == 0.3
+    assert effect.value("fraction") == 0.05
+    assert effect.known("shares[1]").unit == "1"
+    with pytest.raises(ValueError, match="shares"):
+        Crosstalk(shares=(0.1, 0.9))
+    with pytest.raises(KeyError):
+        effect.known("channel")
+
+
 def test_an_unknown_beginning_is_refused() -> None:
     with pytest.raises(ValueError, match="begins"):
         Crosstalk(begins="anyhow")

@@ -94,12 +94,12 @@ class Term:
     @property
     def start(self) -> list[float]:
         """The numbers that may move, where they are."""
-        return [*(getattr(self.effect, key) for key in self.free), *self.sizes]
+        return [*map(self.effect.value, self.free), *self.sizes]
 
     def nearer(self, share: float) -> Term:
         """The term where only this share of it is there."""
-        known = self.effect.parameters()
-        defining = {key: getattr(self.effect, key) for key in self.free if known[key].defining}
+        known = {key: self.effect.known(key) for key in self.free}
+        defining = {key: self.effect.value(key) for key in self.free if known[key].defining}
         values: dict[str, Any] = {
             key: known[key].neutral + share * (value - known[key].neutral) for key, value in defining.items()
         }
@@ -149,7 +149,7 @@ class Solved:
         inflation = max(1.0, float((self.scan_residual**2).mean()))
         white = inflation * self.fit.covariance[position, position]
         error = float(np.sqrt(max(white, self.fit.robust_covariance[position, position], 0.0)))
-        return float(getattr(self.terms[term].effect, key)), error
+        return self.terms[term].effect.value(key), error
 
 
 @dataclass(eq=False)
@@ -449,7 +449,7 @@ class _Layout:
         if index < self.calibration:
             return 1e-3
         term, key = self._named[index]
-        known = term.effect.parameters()[key]
+        known = term.effect.known(key)
         size = 0.02 * known.typical
         return size if x[index] + size <= known.high else -size
 
@@ -459,7 +459,7 @@ class _Layout:
         high[: self.ratio] = np.log(MOST_OHM)
         low[self.ratio], high[self.ratio] = -WIDEST_RATIO, WIDEST_RATIO
         for k, (term, key) in self._named.items():
-            known = term.effect.parameters()[key]
+            known = term.effect.known(key)
             low[k], high[k] = known.low, known.high
         return low, high
 
@@ -513,8 +513,8 @@ def _numbers(solved: Solved) -> list[_Numbers]:
     first = len(solved.fit.value) - sum(t.count for t in solved.terms)
     found = []
     for term in solved.terms:
-        known = [term.effect.parameters()[key] for key in term.free]
-        value = np.array([getattr(term.effect, key) for key in term.free])
+        known = [term.effect.known(key) for key in term.free]
+        value = np.array([term.effect.value(key) for key in term.free])
         away = np.where([p.defining for p in known], np.array([p.neutral for p in known]) - value, 0.0)
         # A time constant is known by its logarithm rather, whatever is typical.
         scale = np.where([p.low > 0 for p in known], SCALED * value, 0.0)

@@ -23,7 +23,16 @@ from ertskin.diagnosis.criteria import Criteria
 from ertskin.diagnosis.fit.nonreciprocal import acquires
 from ertskin.diagnosis.force.claims import ForceAnswer, force_answer
 from ertskin.diagnosis.judge.axis_tests import AxisTest, axis_tests, depends_on
-from ertskin.diagnosis.judge.confidence import left_over, mending, noisy, overshadowed, reasoned, spoiling, static_only
+from ertskin.diagnosis.judge.confidence import (
+    left_beyond,
+    left_over,
+    mending,
+    noisy,
+    overshadowed,
+    reasoned,
+    spoiling,
+    static_only,
+)
 from ertskin.diagnosis.judge.contact_drift_claims import drift_claims
 from ertskin.diagnosis.judge.held_out import Predictions, broad_ratio, misfit_p
 from ertskin.diagnosis.judge.repeatability import Repeatability
@@ -199,6 +208,11 @@ def _rules(case: Case) -> list[tuple[str, str, Callable[[list[Claim]], list[Clai
     return [
         ("left_over", "part of the misfit stays", lambda c: left_over(c, *ratios, criteria, presses_free)),
         (
+            "left_beyond",
+            "part of what no network explains stays",
+            lambda c: left_beyond(c, case.evidence.leftover_ratio, case.leftover, criteria),
+        ),
+        (
             "mending",
             "small beside one that depends on the same: it may mend that one's form",
             lambda c: mending(c, criteria, shown),
@@ -332,10 +346,9 @@ def _voltage_claim(selection: Selection, chosen: Chosen, number: int) -> Claim:
     solved = selection.after
     first = len(solved.terms) - len(selection.chosen)
     term = solved.terms[first + number]
-    known = term.effect.parameters()
     estimates = {}
     for key in term.free:
-        estimates[key] = estimate(*solved.known(first + number, key), known[key])
+        estimates[key] = estimate(*solved.known(first + number, key), term.effect.known(key))
     confidence, alternatives = against(chosen.rivals, selection.problem.evidence.criteria)
     return Claim(term.effect, confidence, chosen.ratio_alone, estimates, alternatives, chosen.rivals)
 

@@ -54,6 +54,13 @@ def left_over(
     return [replace(c, confidence=c.confidence * share(c)) for c in claims]
 
 
+def left_beyond(claims: Sequence[Claim], before: float, after: float, criteria: Criteria) -> list[Claim]:
+    """Names that what no network explains has shown lose confidence with the part of it (rms over noise) they leave."""
+    share = _explained(before, after, criteria)
+    shown = [shown_by(claim.effect, Signal.NONRECIPROCAL) and not claim.by_force for claim in claims]
+    return [replace(c, confidence=c.confidence * share) if seen else c for c, seen in zip(claims, shown, strict=True)]
+
+
 def spoiling(claims: Sequence[Claim], spoilt: bool, criteria: Criteria) -> list[Claim]:
     """Names are half as sure where presses that no fit has seen are predicted worse with them than without."""
     return [replace(c, confidence=criteria.doubted_share * c.confidence) for c in claims] if spoilt else list(claims)

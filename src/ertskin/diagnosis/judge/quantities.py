@@ -155,10 +155,10 @@ def _block(matrix: Array, rows: NDArray[np.intp]) -> Array:
 
 def _slope(effect: Effect, standard: Standard, key: str, error: float) -> dict[str, float]:
     """Derivatives of all quantities by a parameter, over ``STEP`` of its standard error to either side."""
-    known, value = effect.parameters().get(key), float(getattr(effect, key))
-    if known is None:
+    if key not in effect.parameters() and "[" not in key:
         # It was measured, not fitted.
         return {}
+    known, value = effect.known(key), effect.value(key)
     step = STEP * error if error > 0 else 1e-3 * known.typical
     low, high = max(value - step, known.low), min(value + step, known.high)
     if not high > low:

@@ -24,6 +24,8 @@ TOP = 3e-3
 """Part of the readings among which a converter that bends is looked for."""
 HIGHEST = 50
 """Values at the top of the readings from which an undeclared converter's step is taken."""
+FEWEST_FRAMES = 10
+"""From which on what a reading is usually off by is known."""
 LEAST_ODD = 1e-3
 """Part of a frame's readings, taken for spikes beyond the usual, from which the frame is odd."""
 LEAST_SIGNAL = 5.0
@@ -210,10 +212,12 @@ def _scans(
     scan, spike = _channels_restored(protocol, voltage, scan, spike)
     fitted = (scan @ protocol.orthonormal.T).reshape(voltage.shape)
     if not saturated and _compressed(voltage, fitted, spike, rest):
-        scan, spike = _compressed_restored(protocol, voltage, fitted, spike)
+        scan, spike = _usual_restored(protocol, voltage, fitted, spike, OFTEN)
         fitted, bent = (scan @ protocol.orthonormal.T).reshape(voltage.shape), False
     else:
         bent = _bent_at_top(voltage, fitted, spike)
+        if not (bent or saturated) and len(voltage) >= FEWEST_FRAMES:
+            scan, spike = _usual_restored(protocol, voltage, fitted, spike)
     straight: Array | None = voltage
     if bent or saturated:
         bent_v = _bent_from(fitted[rest][:, protocol.taken], spike[rest][:, protocol.taken])
@@ -294,16 +298,19 @@ def _compressed(voltage: Array, fitted: Array, spike: NDArray[np.bool_], rest: N
     return bool((spread * read).sum() > FLAT * (spread**2).sum())
 
 
-def _compressed_restored(
-    protocol: Protocol, voltage: Array, fitted: Array, spike: NDArray[np.bool_]
+def _usual_restored(
+    protocol: Protocol, voltage: Array, fitted: Array, spike: NDArray[np.bool_], often: float = 1.0
 ) -> tuple[Array, NDArray[np.bool_]]:
-    """Scans and spikes with readings put back that are off by about as much in all frames, or off too often to be so by
-    chance."""
+    """Scans and spikes with readings put back that are off by about as much in all frames, or in ``often`` of them: an
+    error that stands.
+
+    One about as large as what is taken for a spike would be left out in some frames and not in others.
+    """
     present = np.isfinite(voltage)
     off = np.where(present, voltage - fitted, 0.0)
     usual = np.median(off, axis=0)
     alike = (off * usual > 0) & (np.abs(off) < ALIKE * np.abs(usual))
-    kept = (spike & ~alike & (spike.mean(axis=0) < OFTEN)) | ~present
+    kept = (spike & ~alike & (spike.mean(axis=0) < often)) | ~present
     filled = np.where(kept, fitted, voltage)
     return filled.reshape(len(filled), -1) @ protocol.orthonormal, kept
 

@@ -12,6 +12,7 @@ from ertskin.diagnosis.contract.claims import Claim, Reason
 from ertskin.diagnosis.criteria import DEFAULT
 from ertskin.diagnosis.judge.answer import _instrument_claims
 from ertskin.diagnosis.judge.confidence import (
+    left_beyond,
     left_over,
     left_over_of_force,
     mending,
@@ -50,6 +51,14 @@ def test_presses_that_do_not_repeat_speak_against_names_of_places_alone() -> Non
     placed, other = left_over(claims, 3.0, 2.236, DEFAULT, 1.05)
     assert placed == left_over(claims, 3.0, 2.236, DEFAULT)[0]
     assert other.confidence == 0.95
+
+
+def test_names_of_the_instrument_answer_for_what_no_network_explains() -> None:
+    claims = [claim(ChannelGain(channel=3, gain=0.1), 2.0), claim(SheetAnisotropy(stretch_x=0.1), 2.0)]
+    assert left_beyond(claims, 3.0, 1.0, DEFAULT) == claims
+    lowered, kept = left_beyond(claims, 3.0, 2.236, DEFAULT)
+    assert lowered.confidence == pytest.approx(0.95 * 0.302, abs=0.01)
+    assert kept.confidence == 0.95
 
 
 def test_a_foam_that_leaves_force_unexplained_is_less_sure() -> None:

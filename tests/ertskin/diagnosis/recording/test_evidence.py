@@ -16,6 +16,7 @@ from ertskin.diagnosis.recording.evidence import (
     _presses_restored,
     _saturation,
     _scans,
+    _usual_restored,
     leftover_freedom,
 )
 from ertskin.physics.protocol import Protocol, electrode_pairs
@@ -66,6 +67,17 @@ def test_single_spikes_stay_spikes(protocol: Protocol) -> None:
     spike = split(protocol, voltage)[2]
     assert spike[2, 100, 7]
     assert spike.sum() < 5
+
+
+def test_a_reading_that_is_usually_off_as_far_as_a_spike_is_none(protocol: Protocol) -> None:
+    voltage = readings(protocol, 12)
+    voltage[:, 100, 7] += 6 * NOISE_V
+    voltage[2, 50, 3] += 1.0
+    _scan, fitted, spike = split(protocol, voltage)
+    assert 0 < spike[:, 100, 7].sum() < FRAMES, "left out in some frames and not in others"
+    _, kept = _usual_restored(protocol, voltage, fitted, spike)
+    assert not kept[:, 100, 7].any()
+    assert kept[2, 50, 3]
 
 
 def test_a_converter_that_bends_is_seen_and_a_straight_one_is_not(protocol: Protocol) -> None:
