@@ -9,6 +9,9 @@ import numpy as np
 
 from ertskin.physics.effects.effect import Array, ElectrodeEffect
 from ertskin.physics.effects.hypothesis import Axis, Hypothesis, Measured, Need, Signal
+from ertskin.physics.effects.standard import Standard
+
+LATER_S = 300.0
 
 
 @dataclass(frozen=True)
@@ -21,6 +24,7 @@ class ContactDrift(ElectrodeEffect):
 
     name: ClassVar[str] = "contact_drift"
     source: ClassVar[str] = "Stitched contacts wander by far more than the reading noise within a recording"
+    form_error: ClassVar[float] = 0.3
     hypothesis: ClassVar[Hypothesis] = Hypothesis(
         (Axis.ELECTRODE, Axis.TIME), (Signal.REST,), (Need.REST_FRAMES,), measured=Measured.CONTACT_PATH
     )
@@ -33,3 +37,11 @@ class ContactDrift(ElectrodeEffect):
         drifted = resistance_ohm.copy()
         drifted[:, self.electrode] += np.interp(time_s, self.knot_s, self.ohm)
         return np.maximum(drifted, 1e-3)
+
+    def quantities(self, standard: Standard) -> dict[str, float]:
+        """By how much the contact changes in five minutes, as a share; of several contacts the largest is stated."""
+        if self.electrode >= len(standard.contact_ohm):
+            return {}
+        calibrated = np.tile(standard.contact_ohm, (2, 1))
+        first, later = self.contact_resistance_ohm(calibrated, np.zeros_like(calibrated), np.array([0.0, LATER_S]))
+        return {"largest_share_300_s": float(np.abs(later / first - 1)[self.electrode])}

@@ -143,18 +143,16 @@ class Judged:
         return float("nan") if value is None else float(value)
 
     def intervals(self) -> list[tuple[str, str, bool | None]]:
-        """(name, form, holds) for every quantity of every effect rightly named; ``None`` where it isn't stated."""
+        """(name, form, holds) for every quantity of every effect rightly named, by the surest claim that states it;
+        ``None`` where none does. Several claims of one effect, contacts that drift say, answer for it together."""
         found: list[tuple[str, str, bool | None]] = []
-        for claim in self.likely:
-            if not self.is_right(claim):
-                continue
-            hidden = self.truth_of(claim["name"])
-            assert hidden is not None
-            stated = {**(claim.get("parameters") or {}), **(claim.get("quantities") or {})}
-            for quantity, true in hidden["meaning"].items():
-                said = stated.get(quantity)
+        for hidden in self.hidden:
+            right = [claim for claim in self.likely if claim["name"] == hidden["name"] and self.is_right(claim)]
+            stated = [{**(claim.get("parameters") or {}), **(claim.get("quantities") or {})} for claim in right]
+            for quantity, true in hidden["meaning"].items() if right else ():
+                said = next((one[quantity] for one in stated if quantity in one), None)
                 found.append(
-                    (claim["name"], hidden["form"], None if said is None else said["low"] <= true <= said["high"])
+                    (hidden["name"], hidden["form"], None if said is None else said["low"] <= true <= said["high"])
                 )
         return found
 

@@ -198,6 +198,7 @@ def _rules(case: Case) -> list[tuple[str, str, Callable[[list[Claim]], list[Clai
     """What makes claims less sure: name, reason and rule, in the order in which they count."""
     selection, ratios, criteria = case.selection, (case.found.ratio_before, case.found.ratio_judged), case.criteria
     presses_free = None if case.differ is None else case.differ.left_of(case.found.ratio_after)
+    of_fields = case.found.ratio_after if presses_free is None else None
     agrees = selection.specimen == "agrees"
     shown = {finding.effect.name for finding in case.baseline.specimen_findings if agrees}
     if case.baseline.displaced is not None:
@@ -206,7 +207,7 @@ def _rules(case: Case) -> list[tuple[str, str, Callable[[list[Claim]], list[Clai
     residuals = (selection.before.scan_residual, selection.after.scan_residual)
     rest = selection.problem.evidence.rest
     return [
-        ("left_over", "part of the misfit stays", lambda c: left_over(c, *ratios, criteria, presses_free)),
+        ("left_over", "part of the misfit stays", lambda c: left_over(c, *ratios, criteria, presses_free, of_fields)),
         (
             "left_beyond",
             "part of what no network explains stays",

@@ -35,17 +35,25 @@ def reasoned(before: Sequence[Claim], after: Sequence[Claim], rule: str, why: st
 
 
 def left_over(
-    claims: Sequence[Claim], before: float, after: float, criteria: Criteria, presses_free: float | None = None
+    claims: Sequence[Claim],
+    before: float,
+    after: float,
+    criteria: Criteria,
+    presses_free: float | None = None,
+    of_fields: float | None = None,
 ) -> list[Claim]:
     """Claims lose confidence with the part of the misfit (rms, the noise taken off) that they leave.
 
     A name for something else explains in part, and mostly the larger part: a torn patch taken for a field of
     sensitivity left a quarter of the misfit, 7 % of its square. ``presses_free`` is what stays of ``after`` on a rig
     whose presses don't repeat once each may land and press in its own way: that scatter speaks only against names for
-    what changes from place to place or from electrode to electrode.
+    what changes from place to place or from electrode to electrode. ``of_fields`` is what speaks against fields: a map
+    that predicts presses badly is no map of what is there, though nobody could have known it there.
     """
 
     def share(claim: Claim) -> float:
+        if claim.effect.hypothesis.field and of_fields is not None:
+            return _explained(before, of_fields, criteria)
         if claim.effect.stage == Stage.MECHANICS or claim.by_force:
             return 1.0
         placed = "where" in _kind(claim)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -62,12 +63,13 @@ def with_quantities(findings: Findings, family: SkinFamily) -> Findings:
         standard_of(evidence.sensor, evidence.protocol, evidence.history),
         resistance=law.sheet_resistance_ohm_sq,
         largest_pa=largest_pa,
+        contact_ohm=np.array(selection.after.calibration.contact_ohm),
     )
     stated_claims = (
         stated(claim, standard, _spread(claim, selection.after, baseline.force_best), evidence.sensor)
         for claim in findings.diagnosis.claims
     )
-    claims = tuple(_with_errors(claim, selection.after, evidence.sensor) for claim in stated_claims)
+    claims = largest_alone([_with_errors(claim, selection.after, evidence.sensor) for claim in stated_claims])
     return replace(findings, diagnosis=replace(findings.diagnosis, claims=claims))
 
 
@@ -79,6 +81,16 @@ def _with_errors(claim: Claim, solved: Solved, sensor: Sensor) -> Claim:
     if known is None:
         return claim
     return replace(claim, field_map=replace(claim.field_map, error=known[0], determined=known[1]))
+
+
+def largest_alone(claims: Sequence[Claim]) -> tuple[Claim, ...]:
+    """The claims; a quantity that is the largest of several (``largest_...``) stays with the one that has it."""
+
+    def is_largest(claim: Claim, name: str) -> bool:
+        values = [c.quantities[name].value for c in claims if name in c.quantities]
+        return not name.startswith("largest_") or claim.quantities[name].value == max(values)
+
+    return tuple(replace(c, quantities={n: e for n, e in c.quantities.items() if is_largest(c, n)}) for c in claims)
 
 
 def stated(claim: Claim, standard: Standard, spread: Spread, sensor: Sensor | None = None) -> Claim:

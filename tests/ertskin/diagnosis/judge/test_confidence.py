@@ -30,6 +30,7 @@ from ertskin.physics.effects.indenter_offset import IndenterOffset
 from ertskin.physics.effects.nonlinear_foam import NonlinearFoam
 from ertskin.physics.effects.piezo_creep import PiezoCreep
 from ertskin.physics.effects.piezo_hysteresis import PiezoHysteresis
+from ertskin.physics.effects.piezo_inhomogeneity import PiezoInhomogeneity
 from ertskin.physics.effects.scan_skew import ScanSkew
 from ertskin.physics.effects.sheet_anisotropy import SheetAnisotropy
 
@@ -50,6 +51,13 @@ def test_presses_that_do_not_repeat_speak_against_names_of_places_alone() -> Non
     claims = [claim(SheetAnisotropy(stretch_x=0.1), 2.0), claim(PiezoHysteresis(width=0.1), 2.0)]
     placed, other = left_over(claims, 3.0, 2.236, DEFAULT, 1.05)
     assert placed == left_over(claims, 3.0, 2.236, DEFAULT)[0]
+    assert other.confidence == 0.95
+
+
+def test_a_field_answers_for_presses_that_nobody_could_foretell() -> None:
+    claims = [claim(PiezoInhomogeneity(amplitude=0.1), 2.0), claim(PiezoHysteresis(width=0.1), 2.0)]
+    field, other = left_over(claims, 3.0, 1.0, DEFAULT, of_fields=2.236)
+    assert field.confidence == pytest.approx(0.95 * 0.302, abs=0.01)
     assert other.confidence == 0.95
 
 
