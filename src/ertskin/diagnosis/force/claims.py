@@ -13,10 +13,7 @@ from ertskin.diagnosis.force.indistinguishable import distinguishable
 from ertskin.diagnosis.judge.confidence import left_over_of_force
 from ertskin.diagnosis.recording.evidence import Evidence
 from ertskin.diagnosis.rest.baseline import Baseline
-from ertskin.diagnosis.search.gain import gained
 from ertskin.diagnosis.search.selection import Selection
-from ertskin.physics.effects.effect import shown_by
-from ertskin.physics.effects.hypothesis import Signal
 
 Indices = NDArray[np.intp]
 
@@ -46,8 +43,7 @@ def force_answer(evidence: Evidence, baseline: Baseline, selection: Selection, h
     before, after = (_predicted_n(evidence, baseline, fit, held) for fit in (linear, best))
     # What the readings show as well is claimed by them, who know its course.
     shown = {chosen.term.name for chosen in selection.chosen}
-    claims = [_claim(evidence, baseline, best, e) for e in best.effects if e.name not in shown]
-    claims = [_felt(_against_readings(claim, selection), selection) for claim in claims]
+    claims = [_felt(_claim(evidence, baseline, best, e), selection) for e in best.effects if e.name not in shown]
     # What it would leave, were it alone left out.
     claims = [claim for claim in claims if claim.ratio_alone > evidence.criteria.material_ratio]
     off = _off(evidence, baseline)
@@ -105,32 +101,6 @@ def _claim(evidence: Evidence, baseline: Baseline, best: ForceFit, effect: Force
     rivals = _rivals(data, best, rest, effect)
     confidence, alternatives = against(rivals, evidence.criteria)
     return Claim(effect, confidence, alone, _estimates(best, effect), alternatives, rivals, by_force=True)
-
-
-def _against_readings(claim: Claim, selection: Selection) -> Claim:
-    """The claim whose rivals fall short in the readings too, where those show it by what no network explains."""
-    if not shown_by(claim.effect, Signal.NONRECIPROCAL):
-        return claim
-    gain, criteria = _gained_by_readings(selection, claim.effect.name), selection.problem.evidence.criteria
-    if gain < criteria.significant_gain:
-        return claim
-    rivals = tuple(
-        rival if shown_by(rival.effect, Signal.NONRECIPROCAL) else replace(rival, short=rival.short + gain)
-        for rival in claim.rivals
-    )
-    confidence, alternatives = against(rivals, criteria)
-    return replace(claim, confidence=confidence, alternatives=alternatives, rivals=rivals)
-
-
-def _gained_by_readings(selection: Selection, name: str) -> float:
-    """Half chi-square, held out, that the readings would lose without the terms of this name."""
-    problem, solved = selection.problem, selection.after
-    rest = [term for term in solved.terms if term.name != name]
-    if len(rest) == len(solved.terms):
-        return 0.0
-    present = problem.solve(solved.terms, solved.calibration, steps=2, leftover=True)
-    without = problem.solve(rest, solved.calibration, steps=5, leftover=True)
-    return gained(without, present, [[int(k)] for k in np.unique(problem.cells)], problem.evidence.criteria)
 
 
 def _rivals(data: ForceData, best: ForceFit, rest: list[ForceEffect], effect: ForceEffect) -> tuple[Rival, ...]:
