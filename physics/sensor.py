@@ -48,6 +48,15 @@ class Sensor:
     pad_margin_m: float = 0.0
 
     @property
+    def electrode_middle_m(self) -> Array:
+        """(L,2) the electrodes' middles."""
+        return self.electrode_center_m if self.electrode_edge_m is None else self.electrode_edge_m.mean(axis=1)
+
+    def electrodes_as(self, other: Sensor) -> bool:
+        """Whether all electrodes lie where those of the ``other`` sensor do."""
+        return np.array_equal(self.electrode_middle_m, other.electrode_middle_m)
+
+    @property
     def electrodes(self) -> int:
         """Number of electrodes L."""
         return len(self.electrode_center_m) if self.electrode_edge_m is None else len(self.electrode_edge_m)

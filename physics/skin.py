@@ -98,8 +98,7 @@ class Skin:
 
     def with_effects(self, effects: Sequence[Effect]) -> Skin:
         """The same skin with other effects; raises ``ValueError`` where they would move electrodes (build anew)."""
-        moved = [e.geometry(self.sensor) for e in _of(effects, ElectrodeEffect)]
-        if any(not np.array_equal(s.electrode_center_m, self.sensor.electrode_center_m) for s in moved):
+        if any(not e.geometry(self.sensor).electrodes_as(self.sensor) for e in _of(effects, ElectrodeEffect)):
             raise ValueError("displaced electrodes need another mesh: use Skin.build")
         return replace(self, effects=tuple(effects))
 

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 from scipy.spatial import Delaunay, cKDTree
 
+from ertskin.physics.rim import arc_position, on_outline, sides
 from ertskin.physics.sensor import Sensor
 
 Array = NDArray[np.float64]
@@ -214,15 +215,9 @@ def _covering_pad(point: Array, center_m: Array, half_m: Array) -> Indices:
     return np.where(inside, np.take_along_axis(box, nearest, axis=1)[:, 0], -1)
 
 
-def _sides(outline_m: Array) -> tuple[Array, Array, Array]:
-    """Start points, vectors and lengths of a closed polygon's sides."""
-    vector = np.roll(outline_m, -1, axis=0) - outline_m
-    return outline_m, vector, np.hypot(vector[:, 0], vector[:, 1])
-
-
 def _distance_to_polygon(point: Array, outline_m: Array) -> Array:
     """(n,) distance from the closed polygon's boundary."""
-    start, vector, length = _sides(outline_m)
+    start, vector, length = sides(outline_m)
     best = np.full(len(point), np.inf)
     for s, v, n in zip(start, vector, length, strict=True):
         along = np.clip((point - s) @ v / n**2, 0.0, 1.0)
@@ -243,41 +238,27 @@ def inside_polygon(point: Array, outline_m: Array) -> NDArray[np.bool_]:
 
 def _arc_position(outline_m: Array, point: Array) -> Array:
     """(n,) arc length of points on the outline from its first corner; raises ``MeshError`` if one isn't on it."""
-    start, vector, length = _sides(outline_m)
-    before = np.concatenate([[0.0], np.cumsum(length)[:-1]])
-    along = np.clip(((point[:, None] - start) * vector).sum(axis=2) / length**2, 0.0, 1.0)
-    off = point[:, None] - start - along[..., None] * vector
-    distance = np.hypot(off[..., 0], off[..., 1])
-    side = distance.argmin(axis=1)
-    rows = np.arange(len(point))
-    if (distance[rows, side] > 1e-3 * length.sum() / len(point)).any():
-        raise MeshError(f"electrode end {int(distance[rows, side].argmax())} doesn't lie on the outline")
-    return (before[side] + along[rows, side] * length[side]) % length.sum()
+    arc, distance = arc_position(outline_m, point)
+    if (distance > 1e-3 * sides(outline_m)[2].sum() / len(point)).any():
+        raise MeshError(f"electrode end {int(distance.argmax())} doesn't lie on the outline")
+    return arc
 
 
 def _outline_points(outline_m: Array, required: Array, cell: Callable[[Array], Array]) -> tuple[Array, Array]:
     """Points on the outline and their arc lengths: all corners, the required arc lengths, and others ``cell`` apart."""
-    corner = np.concatenate([[0.0], np.cumsum(_sides(outline_m)[2])])
+    corner = np.concatenate([[0.0], np.cumsum(sides(outline_m)[2])])
     breaks = np.unique(np.concatenate([corner, required]))
     breaks = breaks[np.concatenate([[True], np.diff(breaks) > 1e-9 * corner[-1]])]
     arcs = []
     for lower, upper in pairwise(breaks):
-        fine = np.linspace(lower, upper, 2 + int(min(2000, 50 * (upper - lower) / cell(_on(outline_m, lower)).min())))
-        density = 1.0 / cell(_on(outline_m, fine))
+        most = 50 * (upper - lower) / cell(on_outline(outline_m, lower)).min()
+        fine = np.linspace(lower, upper, 2 + int(min(2000, most)))
+        density = 1.0 / cell(on_outline(outline_m, fine))
         count = np.concatenate([[0.0], np.cumsum(0.5 * (density[1:] + density[:-1]) * np.diff(fine))])
         pieces = max(1, int(np.ceil(count[-1] - 1e-9)))
         arcs.append(np.interp(np.linspace(0, count[-1], pieces + 1)[:-1], count, fine))
     arc = np.concatenate(arcs)
-    return _on(outline_m, arc), arc
-
-
-def _on(outline_m: Array, arc: Array | float) -> Array:
-    """(n,2) points of the outline at arc lengths."""
-    start, vector, length = _sides(outline_m)
-    corner = np.concatenate([[0.0], np.cumsum(length)])
-    arc = np.atleast_1d(arc)
-    side = np.clip(np.searchsorted(corner, arc, side="right") - 1, 0, len(length) - 1)
-    return start[side] + ((arc - corner[side]) / length[side])[:, None] * vector[side]
+    return on_outline(outline_m, arc), arc
 
 
 def _quadtree_points(outline_m: Array, cell: Callable[[Array], Array], largest_m: float) -> Array:
@@ -319,7 +300,7 @@ def _delaunay_inside(point: Array, outline_m: Array) -> Indices:
 
 def _covered_edges(arc: Array, start: Array, stop: Array, outline_m: Array) -> tuple[Indices, ...]:
     """Mesh edges (n,2) of the outline between each electrode's ends; the first points of the mesh are the outline's."""
-    around = _sides(outline_m)[2].sum()
+    around = sides(outline_m)[2].sum()
     following = np.concatenate([arc[1:], [around]])
     middle = 0.5 * (arc + following)
     edge = np.stack([np.arange(len(arc)), np.roll(np.arange(len(arc)), -1)], axis=1)

@@ -7,34 +7,80 @@ from typing import ClassVar
 
 import numpy as np
 
-from ertskin.physics.effects.effect import ElectrodeEffect, Start, parameter
-from ertskin.physics.effects.hypothesis import Axis, Hypothesis, Measured, Need, Signal
+from ertskin.physics.effects.effect import Array, ElectrodeEffect, Start, parameter
+from ertskin.physics.effects.hypothesis import Axis, Hypothesis, Measured, Signal
+from ertskin.physics.effects.standard import Standard
 from ertskin.physics.protocol import Protocol
+from ertskin.physics.rim import moved_along
 from ertskin.physics.sensor import Sensor
+
+FARTHEST = 3
+"""Electrodes to either side that a thread still pulls along."""
 
 
 @dataclass(frozen=True)
 class ElectrodeDisplacement(ElectrodeEffect):
-    """Pad number ``electrode`` sits (dx, dy) from its nominal place."""
+    """Electrode number ``electrode`` sits (dx, dy) from its nominal place, or ``along_m`` from it where electrodes are
+    stretches of the sheet's rim, positive in the order of the outline.
+
+    Those sewn next to it, by their numbers, may be pulled along: the n-th by the part ``pulled`` to the n of its shift,
+    ``side`` 1 of those that follow, -1 of those before, 0 both.
+    """
 
     name: ClassVar[str] = "electrode_displacement"
-    source: ClassVar[str] = "Sewing tolerance; shape derivative as in Dardé et al., SIAM J. Imaging Sci. 5 (2012) 649"
+    source: ClassVar[str] = (
+        "Sewing tolerance; shape derivative as in Dardé et al., SIAM J. Imaging Sci. 5 (2012) 649; one thread's pull"
+        " falls by a constant factor from stitch to stitch: Euler's capstan formula (1769)"
+    )
     hypothesis: ClassVar[Hypothesis] = Hypothesis(
-        (Axis.ELECTRODE,), (Signal.READINGS, Signal.REST), (Need.PADS_INSIDE,), measured=Measured.PAD_SHIFT
+        (Axis.ELECTRODE,), (Signal.READINGS, Signal.REST), (), measured=Measured.PAD_SHIFT
     )
 
     electrode: int = 0
     dx_m: float = parameter("m", -0.01, 0.01, 0.0, 2e-4, "shift along x")
     dy_m: float = parameter("m", -0.01, 0.01, 0.0, 2e-4, "shift along y")
+    along_m: float = parameter("m", -0.02, 0.02, 0.0, 2e-4, "shift along the sheet's rim")
+    pulled: float = parameter("1", 0.0, 0.95, 0.0, 0.1, "part of its shift that its neighbours make", defining=False)
+
+    side: int = 0
 
     def geometry(self, sensor: Sensor) -> Sensor:
+        share = self._shares(sensor.electrodes)
         if sensor.electrode_edge_m is not None:
-            raise ValueError("electrode_displacement moves pads inside the sheet; this sensor's are on its edge")
+            if self.dx_m or self.dy_m:
+                raise ValueError("electrode_displacement: electrodes on the sheet's rim move along it, by along_m")
+            edge = moved_along(sensor.outline_m, sensor.electrode_edge_m, share * self.along_m)
+            return replace(sensor, electrode_edge_m=edge) if self.along_m else sensor
+        if self.along_m:
+            raise ValueError("electrode_displacement: pads inside the sheet move by dx_m and dy_m, not along_m")
         center = np.array(sensor.electrode_center_m, dtype=float)
-        center[self.electrode] += (self.dx_m, self.dy_m)
-        return replace(sensor, electrode_center_m=center)
+        return replace(sensor, electrode_center_m=center + share[:, None] * (self.dx_m, self.dy_m))
+
+    def _shares(self, electrodes: int) -> Array:
+        """(L,) part of the shift that each electrode makes."""
+        share = np.zeros(electrodes)
+        ways = np.array([self.side] if self.side else [-1, 1])
+        for step in range(1, min(FARTHEST, (electrodes - 1) // 2) + 1):
+            share[(self.electrode + step * ways) % electrodes] = self.pulled**step
+        share[self.electrode] = 1.0
+        return share
+
+    def quantities(self, standard: Standard) -> dict[str, float]:
+        """Where the electrode lies, from its place, in the middle of a stretch of the rim."""
+        if standard.sensor is None or standard.sensor.electrode_edge_m is None:
+            return {}
+        moved = self.geometry(standard.sensor).electrode_edge_m
+        assert moved is not None
+        dx_m, dy_m = (moved - standard.sensor.electrode_edge_m)[self.electrode].mean(axis=0).tolist()
+        return {"dx_m": dx_m, "dy_m": dy_m}
 
     @classmethod
     def reading_starts(cls, sensor: Sensor, protocol: Protocol) -> tuple[Start, ...]:
-        both = ("dx_m", "dy_m")
-        return tuple(Start(cls(electrode), both, both) for electrode in range(sensor.electrodes))
+        ways = ("dx_m", "dy_m") if sensor.electrode_edge_m is None else ("along_m",)
+        return tuple(Start(cls(electrode), ways, ways) for electrode in range(sensor.electrodes))
+
+    def freer(self, free: tuple[str, ...]) -> tuple[Start, ...]:
+        """With neighbours that one thread pulls along."""
+        if "pulled" in free:
+            return ()
+        return tuple(Start(replace(self, pulled=0.4, side=side), (*free, "pulled")) for side in (1, -1, 0))

@@ -36,7 +36,6 @@ class Need(StrEnum):
     SPECIMEN = "a specimen of the fabric"
     PRESSES = "presses"
     REST_FRAMES = "frames at rest"
-    PADS_INSIDE = "pads inside the sheet"
     MORE_READINGS = "more readings than a resistor network has numbers"
     TIMED_INJECTIONS = "the moments of the injections"
     RELOADING = "a place that is pressed again"

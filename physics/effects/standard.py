@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ertskin.physics.effects.effect import Strokes
+from ertskin.physics.sensor import Sensor
 
 Array = NDArray[np.float64]
 
@@ -23,7 +24,8 @@ class Standard:
     ``resistance`` gives the law's resistance, in any unit, over pressures (n,) in pascal; ``largest_pa`` is the largest
     stress of the specimen. ``point_m`` (n,2): the sensing points, ``extent_m`` (2,2) the sheet's box,
     ``pressed_m`` (m,2) the places pressed. ``step_m``: the step in depth between frames while a press moves, ``scan_s``
-    how long a scan takes, ``contact_ohm`` (L,) the contact resistances.
+    how long a scan takes, ``contact_ohm`` (L,) the contact resistances,
+    ``sensor`` the skin as drawn.
     """
 
     resistance: Callable[[Array], Array]
@@ -36,6 +38,7 @@ class Standard:
     extent_m: Array = field(default_factory=lambda: np.zeros((2, 2)))
     pressed_m: Array = field(default_factory=lambda: np.zeros((0, 2)))
     contact_ohm: Array = field(default_factory=lambda: np.zeros(0))
+    sensor: Sensor | None = None
 
     def cycle_pa(self, share: float) -> Array:
         """(2 STEPS - 1,) pressures up to a share of the largest stress and down again."""

@@ -170,7 +170,8 @@ def _selected(
     fixed = [Term(e, e.hypothesis.also_in_readings) for e in baseline.skin.effects]
     begun = [(Term(f.effect, f.free), f.rivals) for f in baseline.specimen_findings]
     if baseline.displaced is not None:
-        begun.append((Term(baseline.displaced, tuple(baseline.displaced.parameters())), ()))
+        starts = type(baseline.displaced).reading_starts(evidence.sensor, evidence.protocol)
+        begun.append((Term(baseline.displaced, starts[0].free), ()))
     partitions = _partitions(folds_of(evidence.history.press[fitted], FOLDS))
     found = selector(build, fixed, begun, start, partitions, report)
     # Another way to choose answers for what it chooses itself.

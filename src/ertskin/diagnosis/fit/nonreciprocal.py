@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from ertskin.diagnosis.linear.linear_skin import LinearSkin, motions
 from ertskin.diagnosis.recording.evidence import Evidence
-from ertskin.physics.effects.effect import AcquisitionEffect, Effect
+from ertskin.physics.effects.effect import AcquisitionEffect, Effect, shown_by
+from ertskin.physics.effects.hypothesis import Signal
 from ertskin.physics.skin import Skin, lagrange_weights
 
 Array = NDArray[np.float64]
@@ -23,8 +24,9 @@ NEAR = 1e-3
 
 
 def instruments(effects: Sequence[Effect]) -> list[AcquisitionEffect]:
-    """The acquisition effects, in the order in which they act on the readings."""
-    return sorted((e for e in effects if isinstance(e, AcquisitionEffect)), key=lambda e: e.order)
+    """The effects on the readings, in the order in which they act on them."""
+    acting = (e for e in effects if isinstance(e, AcquisitionEffect) and shown_by(e, Signal.NONRECIPROCAL))
+    return sorted(acting, key=lambda e: e.order)
 
 
 def acquires(effects: Sequence[Effect]) -> bool:

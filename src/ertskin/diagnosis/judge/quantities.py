@@ -141,6 +141,7 @@ def standard_of(sensor: Sensor, protocol: Protocol, history: History) -> Standar
         point_m=sensor.taxel_m,
         pressed_m=np.unique(places[np.isfinite(places).all(axis=-1)], axis=0),
         extent_m=sensor.extent_m,
+        sensor=sensor,
     )
 
 

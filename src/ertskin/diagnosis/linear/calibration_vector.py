@@ -114,7 +114,7 @@ class SkinFamily:
         for effect in effects:
             if isinstance(effect, ElectrodeEffect):
                 real = effect.geometry(real)
-        if np.array_equal(real.electrode_center_m, skin.sensor.electrode_center_m):
+        if real.electrodes_as(skin.sensor):
             return skin
         built = Skin.build(
             skin.sensor,

@@ -73,7 +73,8 @@ def sheet_sensitivity(
 
 
 class PadRims:
-    """The rims of the pads inside the sheet: the shape derivative of a displaced pad lives there."""
+    """The rims of the pads inside the sheet and the ends of electrodes on its edge: the shape derivative of a displaced
+    electrode lives there."""
 
     def __init__(self, model: SheetModel) -> None:
         self.model = model
@@ -82,6 +83,7 @@ class PadRims:
             inside = np.flatnonzero(model.mesh.pad == k)
             if len(inside):
                 self.pad.append((k, *self._rim(inside)))
+        self.edge = [(k, *self._ends(side)) for k, side in enumerate(model.mesh.edge) if len(side)]
 
     def _rim(self, inside: Indices) -> tuple[Indices, Array]:
         """Nodes (n,degree+1) along the rim's edges and the edges' outward normals times their lengths (n,2)."""
@@ -95,10 +97,19 @@ class PadRims:
         along = mesh.point_m[rim[:, 1]] - mesh.point_m[rim[:, 0]]
         return space.edge_nodes(rim), np.stack([along[:, 1], -along[:, 0]], axis=1)
 
-    def sensitivity(self, solution: Solution, protocol: Protocol) -> Array:
-        """(P, L, 2) change of the whitened scan in volt per metre by which a pad is shifted along x and y.
+    def _ends(self, side: Indices) -> tuple[Indices, Array]:
+        """Nodes (2,) at the first and the last end of an electrode's mesh edges (n,2), and the way along (2,) from the
+        one to the other, of unit length."""
+        first, last = (np.setdiff1d(side[:, k], side[:, 1 - k]) for k in range(2))
+        ends = np.concatenate([first, last])
+        way_m = np.diff(self.model.mesh.point_m[ends], axis=0)[0]
+        return ends, way_m / np.hypot(*way_m)
 
-        The pad's contact form 1/z int (u - U)(v - V) changes by its integrand along the rim times the normal shift.
+    def sensitivity(self, solution: Solution, protocol: Protocol) -> Array:
+        """(P, L, 2) change of the whitened scan in volt per metre by which an electrode is shifted along x and y.
+
+        The contact form 1/z int (u - U)(v - V) changes by its integrand along a pad's rim times the normal shift; on
+        the sheet's edge, by that at its last end less that at its first, for a shift along the edge.
         """
         rule = RIM_RULE[self.model.space.degree]
         electrodes = self.model.electrodes
@@ -110,6 +121,12 @@ class PadRims:
             weight = per_size * outward.T[:, :, None] * rule
             flat = drop.reshape(-1, electrodes)
             form[k] = (weight.reshape(2, -1, 1) * flat).transpose(0, 2, 1) @ flat
+        for k, ends, way in self.edge:
+            drop = solution.potential[ends]
+            drop[..., k] -= 1.0
+            first, last = (np.outer(one, one) for one in drop)
+            per_size = 1.0 / (solution.contact_resistance_ohm[k] * self.model.electrode_size[k])
+            form[k] = per_size * way[:, None, None] * (last - first)
         change = -solution.transfer_ohm @ form @ solution.transfer_ohm
         found = protocol.whitened(pair_resistances(change.reshape(-1, electrodes, electrodes)))
         return np.asarray(found.T.reshape(-1, electrodes, 2))

@@ -82,7 +82,5 @@ def displaced(skin: Skin) -> Sensor:
 
 
 def pad_shifts(skin: Skin) -> Array:
-    """(L,2) how far each pad lies from its nominal place, in metres."""
-    if skin.sensor.electrode_edge_m is not None:
-        return np.zeros((skin.protocol.electrodes, 2))
-    return np.asarray(displaced(skin).electrode_center_m) - np.asarray(skin.sensor.electrode_center_m)
+    """(L,2) how far each electrode lies from its nominal place, in metres."""
+    return displaced(skin).electrode_middle_m - skin.sensor.electrode_middle_m

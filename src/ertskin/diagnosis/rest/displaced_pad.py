@@ -70,8 +70,8 @@ def _moved(
     """
     zero, count, usual_ohm = skin.piezo.zero_ohm_sq, len(contact_ohm), contact_ohm[electrode]
     place = measured_as(Measured.PAD_SHIFT)().changed({"electrode": electrode})
-    known = place.parameters()
-    farthest_m = min(along.high for along in known.values())
+    known = place.reading_starts(skin.sensor, skin.protocol)[electrode].along
+    farthest_m = min(place.known(key).high for key in known)
     shift_m = np.zeros(2)
     unlikely = np.zeros(count + 3)
     unlikely[electrode] = 1 / LIKELY

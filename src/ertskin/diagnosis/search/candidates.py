@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +15,7 @@ from ertskin.diagnosis.search.smooth_fields import NodeQuadratic, at_nodes, fore
 from ertskin.physics.effects.effect import AcquisitionEffect, Effect, ElectrodeEffect, Parameter, Start, shown_by
 from ertskin.physics.effects.hypothesis import Measured, Signal
 from ertskin.physics.effects.registry import effects_shown_by, measured_as
+from ertskin.physics.sensor import Sensor
 
 Array = NDArray[np.float64]
 
@@ -147,26 +149,25 @@ def _gain_along(shape: Array, gradient: Array, hessian: Array) -> float:
 
 
 def _electrodes(problem: VoltageProblem, solved: Solved, partitions: Sequence[Sequence[int]]) -> list[Candidate]:
-    """Displaced pads, from the shape derivatives the states hold."""
+    """Displaced electrodes, from the shape derivatives the states hold."""
     sensor, protocol = problem.evidence.sensor, problem.evidence.protocol
-    if sensor.electrode_edge_m is not None:
-        return []
     pads = measured_as(Measured.PAD_SHIFT)
     present = {_number(t.effect) for t in solved.terms if t.name == pads.name}
     base = solved.scan_residual
     specimen = np.zeros(0)
     found = []
     for start in pads.reading_starts(sensor, protocol):
-        electrode = _number(start.effect)
-        if electrode in present:
+        if _number(start.effect) in present:
             continue
-        columns = np.zeros((*base.shape, 2))
+        ways = np.stack([_way(cast(ElectrodeEffect, start.effect), key, sensor) for key in start.along], axis=-1)
+        columns = np.zeros((*base.shape, len(start.along)))
         for patch in problem.linear.patches:
             for k, state in enumerate(patch.states):
-                columns[patch.rows[patch.state_of == k]] = state.pads[:, electrode]
+                columns[patch.rows[patch.state_of == k]] = np.einsum("plc,lcn->pn", state.pads, ways)
         columns = np.where(problem.weight[:, None, None] > 0, columns / problem.evidence.noise_v, 0.0)
+        extra = np.zeros((0, len(start.along)))
         gain, value = added_gain(
-            problem, solved, problem.evidence.discounted(columns), base, specimen, np.zeros((0, 2)), partitions
+            problem, solved, problem.evidence.discounted(columns), base, specimen, extra, partitions
         )
         if not (np.isfinite(gain) and np.isfinite(value).all()):
             continue
@@ -174,6 +175,13 @@ def _electrodes(problem: VoltageProblem, solved: Solved, partitions: Sequence[Se
         effect = start.effect.changed(dict(zip(start.along, shift.tolist(), strict=True)))
         found.append(Candidate(Term(effect, start.free), gain))
     return found
+
+
+def _way(effect: ElectrodeEffect, key: str, sensor: Sensor) -> Array:
+    """(L,2) how electrodes move by a parameter of an effect, per metre."""
+    small = effect.parameters()[key].typical
+    moved = effect.changed({key: small}).geometry(sensor)
+    return (moved.electrode_middle_m - sensor.electrode_middle_m) / small
 
 
 def _number(effect: Effect) -> int:

@@ -1,0 +1,68 @@
+"""Electrodes on the sheet's edge that sit elsewhere along it: shape derivative, and what one thread pulls along."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from ertskin.diagnosis.linear.sensitivity import PadRims
+from ertskin.physics.conduction.sheet import SheetModel
+from ertskin.physics.effects.electrode_displacement import ElectrodeDisplacement
+from ertskin.physics.effects.standard import Standard
+from ertskin.physics.protocol import Protocol, electrode_pairs
+from ertskin.physics.rim import arc_position
+from ertskin.physics.sensor import Sensor
+
+ELECTRODES, RADIUS_M = 8, 0.05
+PROTOCOL = Protocol.against_sink(electrode_pairs(ELECTRODES), ELECTRODES, 1e-3)
+
+
+@pytest.fixture(scope="module")
+def sheet() -> Sensor:
+    angle = 2 * np.pi * np.arange(128) / 128
+    outline = RADIUS_M * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    first = 16 * np.arange(ELECTRODES)
+    return Sensor(outline, 1e3, 20.0, electrode_edge_m=np.stack([outline[first], outline[first + 6]], axis=1))
+
+
+def scan(sensor: Sensor) -> np.ndarray:
+    model = SheetModel(sensor, "fine")
+    return PROTOCOL.whitened(model.solve(model.uniform(1e3), np.full(ELECTRODES, 20.0)).pair_resistance_ohm)
+
+
+@pytest.mark.parametrize("electrode", [0, 5])
+def test_the_derivative_by_the_place_is_that_of_sheets_solved_with_it_elsewhere(sheet: Sensor, electrode: int) -> None:
+    model, step_m = SheetModel(sheet, "fine"), 5e-4
+    solution = model.solve(model.uniform(1e3), np.full(ELECTRODES, 20.0))
+    sides = [ElectrodeDisplacement(electrode, along_m=by_m).geometry(sheet) for by_m in (-step_m, step_m)]
+    shift_m = sides[1].electrode_middle_m - sides[0].electrode_middle_m
+    expected = np.einsum("plc,lc->p", PadRims(model).sensitivity(solution, PROTOCOL), shift_m)
+    found = scan(sides[1]) - scan(sides[0])
+    np.testing.assert_allclose(expected, found, atol=0.05 * np.abs(found).max())
+
+
+def test_a_thread_pulls_its_neighbours_along(sheet: Sensor) -> None:
+    moved = ElectrodeDisplacement(0, along_m=2e-3, pulled=0.5).geometry(sheet)
+    ends = [arc_position(sheet.outline_m, one.electrode_edge_m[:, 0])[0] for one in (sheet, moved)]
+    np.testing.assert_allclose(
+        ends[1] - ends[0], 2e-3 * np.array([1, 0.5, 0.25, 0.125, 0, 0.125, 0.25, 0.5]), atol=1e-9
+    )
+    pads = Sensor(sheet.outline_m, 1e3, 20.0, 0.5 * sheet.electrode_middle_m, np.full((ELECTRODES, 2), 2e-3))
+    inside = ElectrodeDisplacement(3, dx_m=1e-3, pulled=0.5).geometry(pads)
+    assert (inside.electrode_center_m - pads.electrode_center_m)[:, 0] == pytest.approx(
+        1e-3 * np.array([0.125, 0.25, 0.5, 1, 0.5, 0.25, 0.125, 0])
+    )
+
+
+def test_it_states_where_the_middle_went(sheet: Sensor) -> None:
+    found = ElectrodeDisplacement(0, along_m=2e-3).quantities(Standard(np.ones_like, np.nan, sensor=sheet))
+    middle = 2 * np.pi * 3 / 128
+    way = 2e-3 * np.array([-np.sin(middle), np.cos(middle)])
+    assert (found["dx_m"], found["dy_m"]) == pytest.approx(way, abs=5e-5)
+    assert ElectrodeDisplacement(0, dx_m=1e-3).quantities(Standard(np.ones_like, np.nan)) == {}
+
+
+def test_each_kind_of_electrode_moves_its_own_way(sheet: Sensor) -> None:
+    with pytest.raises(ValueError, match="along_m"):
+        ElectrodeDisplacement(0, dx_m=1e-3).geometry(sheet)
+    assert [s.free for s in ElectrodeDisplacement.reading_starts(sheet, PROTOCOL)] == [("along_m",)] * ELECTRODES
