@@ -177,7 +177,7 @@ def left_of(starts: Iterable[Start], missed: Callable[[Effect | None], Array]) -
         if not start.free:
             best = min(best, rms(missed(start.effect)) / scale)
             continue
-        known = [start.effect.parameters()[key] for key in start.free]
+        known = [start.effect.known(key) for key in start.free]
         at = _begun(start)
 
         def wrong(x: Array, start: Start = start) -> Array:
@@ -204,7 +204,7 @@ def _begun(start: Start) -> dict[str, float]:
     """Values to begin from, inside their ranges and away from where the effect is none."""
     found = {}
     for key in start.free:
-        known, value = start.effect.parameters()[key], float(getattr(start.effect, key))
+        known, value = start.effect.known(key), start.effect.value(key)
         value += known.typical if known.defining and value == known.neutral else 0.0
         margin = 1e-6 * (known.high - known.low)
         found[key] = float(np.clip(value, known.low + margin, known.high - margin))
@@ -410,6 +410,18 @@ def pads(kind: type[Form], skin: Skin, terms: int = TERMS) -> float:
     return rms(true_m - sensor.electrode_center_m) / rms(moved_m)
 
 
+def thread(kind: type[Form], skin: Skin) -> float:
+    """The same by one term alone, whose neighbours one thread pulls along."""
+    form, (sensor, _) = form_of(kind, skin), seen_of(skin)
+    assert isinstance(form, SlidPad)
+    true_m = form.electrodes(skin.electrodes).center_m
+    moved_m = true_m - sensor.electrode_center_m
+    number = int(np.argmax(np.hypot(*moved_m.T)))
+    ways = [(side, pulled) for side in (0, 1, -1) for pulled in np.linspace(0.0, 0.95, 39).tolist()]
+    terms = [ElectrodeDisplacement(number, *map(float, moved_m[number]), pulled=p, side=side) for side, p in ways]
+    return min(rms(true_m - term.geometry(sensor).electrode_center_m) for term in terms) / rms(moved_m)
+
+
 def contact_paths(kind: type[Form], skin: Skin) -> float:
     """Resistance of every contact in every frame of the plan, as measured at rest and straight in between."""
     form, frames = form_of(kind, skin), frames_of(skin)
@@ -551,7 +563,7 @@ MEASURED: dict[str, Measure] = {
     "scan_skew": motion,
 }
 IN_PART: dict[str, tuple[str, Measure]] = {
-    "electrode_displacement": ("by one term", partial(pads, terms=1)),
+    "electrode_displacement": ("by one term", thread),
     "scan_skew": ("but for frames held", partial(motion, held=False)),
 }
 """What is measured beside the whole."""
