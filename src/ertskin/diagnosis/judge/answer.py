@@ -197,22 +197,11 @@ def _claims(case: Case) -> list[Claim]:
 def _rules(case: Case) -> list[tuple[str, str, Callable[[list[Claim]], list[Claim]]]]:
     """What makes claims less sure: name, reason and rule, in the order in which they count."""
     selection, ratios, criteria = case.selection, (case.found.ratio_before, case.found.ratio_judged), case.criteria
-    presses_free = None if case.differ is None else case.differ.left_of(case.found.ratio_after)
-    of_fields = case.found.ratio_after if presses_free is None else None
-    agrees = selection.specimen == "agrees"
-    shown = {finding.effect.name for finding in case.baseline.specimen_findings if agrees}
-    if case.baseline.displaced is not None:
-        shown.add(case.baseline.displaced.name)
     shape = case.evidence.protocol.orthonormal.shape
     residuals = (selection.before.scan_residual, selection.after.scan_residual)
-    rest = selection.problem.evidence.rest
+    rest, shown = selection.problem.evidence.rest, _shown_elsewhere(case)
     return [
-        ("left_over", "part of the misfit stays", lambda c: left_over(c, *ratios, criteria, presses_free, of_fields)),
-        (
-            "left_beyond",
-            "part of what no network explains stays",
-            lambda c: left_beyond(c, case.evidence.leftover_ratio, case.leftover, criteria),
-        ),
+        *_rules_of_misfit(case),
         (
             "mending",
             "small beside one that depends on the same: it may mend that one's form",
@@ -235,6 +224,27 @@ def _rules(case: Case) -> list[tuple[str, str, Callable[[list[Claim]], list[Clai
         ),
         ("spoiling", SPOILT, lambda c: spoiling(c, case.found.spoilt(criteria), criteria)),
     ]
+
+
+def _rules_of_misfit(case: Case) -> list[tuple[str, str, Callable[[list[Claim]], list[Claim]]]]:
+    """Those by what the claims leave of the misfit."""
+    ratios, criteria = (case.found.ratio_before, case.found.ratio_judged), case.criteria
+    presses_free = None if case.differ is None else case.differ.left_of(case.found.ratio_after)
+    of_fields = case.found.ratio_after if presses_free is None else None
+    beyond = case.evidence.leftover_ratio, case.leftover
+    return [
+        ("left_over", "part of the misfit stays", lambda c: left_over(c, *ratios, criteria, presses_free, of_fields)),
+        ("left_beyond", "part of what no network explains stays", lambda c: left_beyond(c, *beyond, criteria)),
+    ]
+
+
+def _shown_elsewhere(case: Case) -> set[str]:
+    """Names of effects that the specimen, where it agrees, or rest has shown."""
+    agrees = case.selection.specimen == "agrees"
+    shown = {finding.effect.name for finding in case.baseline.specimen_findings if agrees}
+    if case.baseline.displaced is not None:
+        shown.add(case.baseline.displaced.name)
+    return shown
 
 
 def _against_rivals(claim: Claim) -> Claim:
