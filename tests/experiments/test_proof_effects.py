@@ -10,9 +10,12 @@ import pytest
 from generator.effect import Effect
 from generator.families import FAMILIES
 from generator.forms import FORMS
+from generator.mesh import Fineness
+from generator.outline import Outline
 from generator.recording import Clean, clean, measured
-from generator.sheet import Sheet
+from generator.sheet import Electrodes, Sheet
 from generator.simulate import Transfers, frames_of, moments_of
+from generator.skins import _sheet
 from generator.strength import Ruler
 from small_proof_skin import small_skin
 from suite import draw_split, families
@@ -125,3 +128,33 @@ def test_a_sheet_that_warms_while_it_is_pressed_is_solved_as_it_is_then() -> Non
     assert sum(len(force) > 0 for force in forces) >= 2
     for moment, transfer in found:
         np.testing.assert_allclose(transfer, whole[moment.frame], rtol=1e-6, atol=1e-6)
+
+
+@pytest.mark.parametrize("kind", FORMS["electrode_displacement"], ids=lambda kind: kind.form)
+@pytest.mark.parametrize("shape", ["round16", "round32"])
+def test_an_electrode_of_the_rim_slides_as_a_whole_and_keeps_its_length(shape: str, kind: type[Effect]) -> None:
+    outline, drawn, _ = _sheet(shape)
+    skin, effect, round_m = replace(small_skin(), outline_m=outline, electrodes=drawn), kind(1.0), Outline(outline)
+    effect.draw(skin, np.random.default_rng(3))
+    slid = effect.electrodes(drawn)
+    sheet = Sheet(outline, slid, Fineness(8e-3, 4e-3, 8e-4))
+    np.testing.assert_allclose(np.bincount(sheet.edge_owner, sheet.edge_weight.sum(axis=1)), drawn.extent, rtol=1e-9)
+    assert slid.edge_m is not None
+    assert drawn.edge_m is not None
+    ways = [round_m.way(edge.reshape(-1, 2)).reshape(-1, 2) for edge in (drawn.edge_m, slid.edge_m)]
+    moved = (ways[1] - ways[0] + 0.5 * round_m.length_m) % round_m.length_m - 0.5 * round_m.length_m
+    np.testing.assert_allclose(moved[:, 0], moved[:, 1], atol=1e-12)
+    number = effect.details["electrode"]
+    assert np.argmax(np.abs(moved[:, 0])) == number
+    assert np.flatnonzero(np.abs(moved[:, 0]) > 1e-6).tolist() == effect.details.get("electrodes", [number])
+    dx, dy = (slid.edge_m - drawn.edge_m)[number].mean(axis=0)
+    assert effect.meaning(skin) == pytest.approx({"dx_m": dx, "dy_m": dy})
+
+
+def test_an_electrode_off_the_outline_or_on_another_is_refused() -> None:
+    outline, drawn, _ = _sheet("round16")
+    assert drawn.edge_m is not None
+    with pytest.raises(ValueError, match="doesn't lie on the outline"):
+        Sheet(outline, Electrodes(edge_m=drawn.edge_m + 1e-4))
+    with pytest.raises(ValueError, match="overlap"):
+        Sheet(outline, Electrodes(edge_m=drawn.edge_m[[0, 0]]), Fineness(8e-3, 4e-3, 8e-4))

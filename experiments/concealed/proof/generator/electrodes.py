@@ -8,10 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .effect import Effect, Moment
+from .outline import Outline
 from .sheet import Electrodes
 from .skin import Skin
 
 Array = NDArray[np.float64]
+TOLD = 0.1
+"""Of several electrodes moved, the truth names those that moved at least this share of the farthest."""
 
 
 class _Contact(Effect):
@@ -64,35 +67,31 @@ class PercolatingContact(_Contact):
         return np.asarray(admittance * (1.0 + self.size * share / (1.0 + share)))
 
 
-class _Displaced(Effect):
-    name = "electrode_displacement"
+class SlidPad(Effect):
+    """A pad, or a stretch of the rim, has slid along the wall it is sewn to, round corners if need be."""
+
+    name, form = "electrode_displacement", "slides_along_wall"
+    source = "thread tension draws a stitched pad along its seam"
     largest = 1.0
 
-    def _along(self, skin: Skin, number: int) -> Array:
-        """Unit direction of the wall nearest to an electrode."""
-        at = _centers(skin.electrodes)[number]
-        a, b = skin.outline_m, np.roll(skin.outline_m, -1, axis=0)
-        t = np.clip(((at - a) * (b - a)).sum(1) / ((b - a) ** 2).sum(1), 0, 1)
-        nearest = int(np.argmin(np.hypot(*(a + t[:, None] * (b - a) - at).T)))
-        return np.asarray((b - a)[nearest] / np.hypot(*(b - a)[nearest]))
-
-
-class SlidPad(_Displaced):
-    """A pad has slid along the wall it is sewn to, and turned a little askew of where it was drawn."""
-
-    form, source = "slides_along_wall", "thread tension draws a stitched pad along its seam"
-
     def draw(self, skin: Skin, rng: np.random.Generator) -> None:
+        self.outline = Outline(skin.outline_m)
         self.number = int(rng.integers(len(skin.electrodes)))
-        self.way = self._along(skin, self.number) * rng.choice([-1.0, 1.0])
+        self.sense = float(rng.choice([-1.0, 1.0]))
+        self.wall = self.outline.direction(_centers(skin.electrodes)[self.number])
         self.room_m = 0.35 * _gap(skin.electrodes)
+        self.shares = np.eye(len(skin.electrodes))[self.number]
         self.details["electrode"] = self.number
 
     def electrodes(self, electrodes: Electrodes) -> Electrodes:
-        return _shifted(electrodes, {self.number: self.size * self.room_m * self.way})
+        shift = self.size * self.room_m * self.sense * self.shares
+        if electrodes.edge_m is None:
+            return replace(electrodes, center_m=electrodes.center_m + shift[:, None] * self.wall)
+        return _slid(electrodes, electrodes.edge_m, self.outline, shift)
 
     def meaning(self, skin: Skin) -> dict[str, float]:
-        dx, dy = self.size * self.room_m * self.way
+        """How far the middle of the electrode moved most has moved."""
+        dx, dy = (_centers(self.electrodes(skin.electrodes)) - _centers(skin.electrodes))[self.number]
         return {"dx_m": float(dx), "dy_m": float(dy)}
 
 
@@ -101,11 +100,12 @@ class PulledThread(SlidPad):
 
     form, source = "pulled_thread", "capstan: Euler 1769, tension falls along a thread under friction"
 
-    def electrodes(self, electrodes: Electrodes) -> Electrodes:
-        centers = _centers(electrodes)
+    def draw(self, skin: Skin, rng: np.random.Generator) -> None:
+        super().draw(skin, rng)
+        centers = _centers(skin.electrodes)
         near = np.argsort(np.hypot(*(centers - centers[self.number]).T))[:3]
-        way = self.size * self.room_m * self.way
-        return _shifted(electrodes, {int(n): way * (1.0 if n == self.number else 0.4) for n in near})
+        self.shares[near] = np.maximum(self.shares[near], 0.4)
+        self.details["electrodes"] = np.flatnonzero(self.shares >= TOLD * self.shares.max()).tolist()
 
 
 def _centers(electrodes: Electrodes) -> Array:
@@ -119,17 +119,11 @@ def _gap(electrodes: Electrodes) -> float:
     return float(distance.min())
 
 
-def _shifted(electrodes: Electrodes, ways: dict[int, Array]) -> Electrodes:
-    if electrodes.edge_m is not None:
-        edge = electrodes.edge_m.copy()
-        for number, way in ways.items():
-            along = edge[number, 1] - edge[number, 0]
-            edge[number] += along * float(way @ along) / float(along @ along)
-        return replace(electrodes, edge_m=edge)
-    center = electrodes.center_m.copy()
-    for number, way in ways.items():
-        center[number] += way
-    return replace(electrodes, center_m=center)
+def _slid(electrodes: Electrodes, edge_m: Array, outline: Outline, shift_m: Array) -> Electrodes:
+    """Stretches of the outline moved along it as they are: both ends by the same way, so that lengths stay."""
+    ends = outline.way(edge_m.reshape(-1, 2)) + np.repeat(shift_m, 2)
+    moved = np.where(shift_m[:, None, None] == 0.0, edge_m, outline.at(ends).reshape(edge_m.shape))
+    return replace(electrodes, edge_m=moved, length_m=electrodes.extent)
 
 
 class OxidisingContacts(Effect):

@@ -13,8 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import Delaunay, cKDTree
 
+from .outline import Outline
+
 Array = NDArray[np.float64]
 GRADING = 0.3
+ON_M = 1e-7
+"""An electrode's end no farther than this from the outline lies on it."""
 
 
 @dataclass(frozen=True)
@@ -141,6 +145,8 @@ def triangulate(outline_m: Array, pad_rims: Array, ends_m: Array, fineness: Fine
 
 def _with_ends(outline_m: Array, ends_m: Array) -> Array:
     """The outline with the ends of edge electrodes among its corners, in order."""
+    if (Outline(outline_m).nearest(ends_m)[2] > ON_M).any():
+        raise ValueError("an electrode's end doesn't lie on the outline")
     corners = []
     for a, b in zip(outline_m, np.roll(outline_m, -1, axis=0), strict=True):
         along, length = b - a, np.hypot(*(b - a))
@@ -149,6 +155,6 @@ def _with_ends(outline_m: Array, ends_m: Array) -> Array:
             continue
         at = (ends_m - a) @ along / length**2
         off = np.abs((ends_m - a) @ np.array([-along[1], along[0]])) / length
-        on = (off < 1e-7) & (at > 1e-6) & (at < 1 - 1e-6)
+        on = (off < ON_M) & (at > 1e-6) & (at < 1 - 1e-6)
         corners.extend(a + t * along for t in sorted(set(np.round(at[on], 9))))
     return np.array(corners)

@@ -15,6 +15,7 @@ from scipy.sparse.linalg import splu
 from skfem import Basis, ElementTriP2, FacetBasis, MeshTri
 
 from .mesh import Fineness, rims, triangulate
+from .outline import Outline
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -23,11 +24,16 @@ ORDER = 4
 
 @dataclass(frozen=True, eq=False)
 class Electrodes:
-    """Pads inside the sheet (centre and size, both (L,2), metres) or stretches of its outline ``edge_m`` (L,2,2)."""
+    """Pads inside the sheet (centre and size, both (L,2), metres) or stretches of its outline ``edge_m`` (L,2,2).
+
+    A stretch goes from its first end to its second in the outline's order; ``length_m`` (L,) along it, where not all
+    are straight.
+    """
 
     center_m: Array = field(default_factory=lambda: np.zeros((0, 2)))
     size_m: Array = field(default_factory=lambda: np.zeros((0, 2)))
     edge_m: Array | None = None
+    length_m: Array | None = None
 
     def __len__(self) -> int:
         return len(self.center_m) if self.edge_m is None else len(self.edge_m)
@@ -37,6 +43,8 @@ class Electrodes:
         """(L,) area in m2 of pads, length in m of edge electrodes."""
         if self.edge_m is None:
             return np.asarray(self.size_m.prod(axis=1))
+        if self.length_m is not None:
+            return self.length_m
         return np.asarray(np.hypot(*(self.edge_m[:, 1] - self.edge_m[:, 0]).T))
 
 
@@ -64,7 +72,7 @@ class Sheet:
         shape = np.stack([np.broadcast_to(b[0].value, self.weight.shape) for b in basis.basis], axis=-1)
         self.shape = np.asarray(shape)
         self.pad = self._pads(points[triangles].mean(axis=1), pads)
-        self._edges(mesh)
+        self._edges(mesh, outline_m)
 
     def _pads(self, center: Array, pads: Array) -> Indices:
         owner = np.full(len(center), -1, dtype=np.intp)
@@ -72,19 +80,14 @@ class Sheet:
             owner[((center > rim.min(axis=0)) & (center < rim.max(axis=0))).all(axis=1)] = number
         return owner
 
-    def _edges(self, mesh: MeshTri) -> None:
+    def _edges(self, mesh: MeshTri, outline_m: Array) -> None:
         """Facets of edge electrodes: dofs (f,6), owner (f,), shape values and weights at their own points."""
         self.edge_owner = np.zeros(0, dtype=np.intp)
         if self.electrodes.edge_m is None:
             return
         facets = mesh.boundary_facets()
         middle = mesh.p[:, mesh.facets[:, facets]].mean(axis=1).T
-        owner = np.full(len(facets), -1, dtype=np.intp)
-        for number, (a, b) in enumerate(self.electrodes.edge_m):
-            length = np.hypot(*(b - a))
-            at = (middle - a) @ (b - a) / length**2
-            off = np.abs((middle - a) @ np.array([-(b - a)[1], (b - a)[0]])) / length
-            owner[(at > 0) & (at < 1) & (off < 1e-7)] = number
+        owner = _owners(Outline(outline_m), self.electrodes.edge_m, middle)
         kept = facets[owner >= 0]
         basis = FacetBasis(mesh, ElementTriP2(), facets=kept, intorder=ORDER)
         self.edge_owner = owner[owner >= 0]
@@ -138,6 +141,16 @@ class Sheet:
         if not len(self.edge_owner):
             return np.zeros(0, dtype=np.intp)
         return np.asarray(self.edge_element, dtype=np.intp)
+
+
+def _owners(outline: Outline, edge_m: Array, point_m: Array) -> Indices:
+    """(f,) the electrode on whose stretch of the outline each point (f,2) lies, or -1."""
+    first, last = outline.way(edge_m.reshape(-1, 2)).reshape(-1, 2).T
+    beyond = (outline.way(point_m)[:, None] - first) % outline.length_m
+    on = beyond < (last - first) % outline.length_m
+    if (on.sum(axis=1) > 1).any():
+        raise ValueError("two electrodes on the outline overlap")
+    return np.where(on.any(axis=1), on.argmax(axis=1), -1)
 
 
 def _coupled(shape: Array, value: Array) -> Array:
