@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -118,8 +118,19 @@ class Claim:
 
     @property
     def shown(self) -> dict[str, Estimate]:
-        """The parameters; of an effect that is a field alone, its quantities."""
-        return self.parameters or self.quantities
+        """The parameters, of several of a kind their mean and range; of an effect that has none, its quantities."""
+        found: dict[str, list[Estimate]] = {}
+        for key, one in (self.parameters or self.quantities).items():
+            found.setdefault(key.partition("[")[0], []).append(one)
+        return {
+            key if len(several) == 1 else f"{key} of {len(several)}": Estimate(
+                sum(e.value for e in several) / len(several),
+                min(e.low for e in several),
+                max(e.high for e in several),
+                several[0].unit,
+            )
+            for key, several in found.items()
+        }
 
     def as_builtins(self) -> dict[str, Any]:
         """As ``diagnosis.json`` wants it."""
@@ -283,7 +294,12 @@ def gathered(claims: tuple[Claim, ...]) -> list[tuple[Claim, str]]:
     found: dict[str, list[Claim]] = {}
     for number, claim in enumerate(claims):
         found.setdefault(f"{number}" if claim.parameters else claim.effect.name, []).append(claim)
-    return [(same[0], _shown_name(same[0].effect.name, same)) for same in found.values()]
+    return [(_together(same), _shown_name(same[0].effect.name, same)) for same in found.values()]
+
+
+def _together(same: list[Claim]) -> Claim:
+    """The first claim of those that are shown as one, with the quantities of them all."""
+    return replace(same[0], quantities={key: e for claim in same for key, e in claim.quantities.items()})
 
 
 def _shown_name(name: str, claims: list[Claim]) -> str:
