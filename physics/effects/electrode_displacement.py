@@ -14,8 +14,8 @@ from ertskin.physics.protocol import Protocol
 from ertskin.physics.rim import moved_along
 from ertskin.physics.sensor import Sensor
 
-FARTHEST = 3
-"""Electrodes to either side that a thread still pulls along."""
+PULLED = 0.4
+"""Part of an electrode's shift that its neighbours make, where fits begin."""
 
 
 @dataclass(frozen=True)
@@ -23,14 +23,14 @@ class ElectrodeDisplacement(ElectrodeEffect):
     """Electrode number ``electrode`` sits (dx, dy) from its nominal place, or ``along_m`` from it where electrodes are
     stretches of the sheet's rim, positive in the order of the outline.
 
-    Those sewn next to it, by their numbers, may be pulled along: the n-th by the part ``pulled`` to the n of its shift,
-    ``side`` 1 of those that follow, -1 of those before, 0 both.
+    Those sewn next to it, by their numbers, may be pulled along by the part ``pulled`` of its shift: the one that
+    follows where ``side`` is 1, the one before where it is -1, both where it is 0.
     """
 
     name: ClassVar[str] = "electrode_displacement"
     source: ClassVar[str] = (
-        "Sewing tolerance; shape derivative as in Dardé et al., SIAM J. Imaging Sci. 5 (2012) 649; one thread's pull"
-        " falls by a constant factor from stitch to stitch: Euler's capstan formula (1769)"
+        "Sewing tolerance; shape derivative as in Dardé et al., SIAM J. Imaging Sci. 5 (2012) 649; how a thread's pull"
+        " falls from stitch to stitch: Euler's capstan formula (1769)"
     )
     hypothesis: ClassVar[Hypothesis] = Hypothesis(
         (Axis.ELECTRODE,), (Signal.READINGS, Signal.REST), (), measured=Measured.PAD_SHIFT
@@ -60,8 +60,7 @@ class ElectrodeDisplacement(ElectrodeEffect):
         """(L,) part of the shift that each electrode makes."""
         share = np.zeros(electrodes)
         ways = np.array([self.side] if self.side else [-1, 1])
-        for step in range(1, min(FARTHEST, (electrodes - 1) // 2) + 1):
-            share[(self.electrode + step * ways) % electrodes] = self.pulled**step
+        share[(self.electrode + ways) % electrodes] = self.pulled
         share[self.electrode] = 1.0
         return share
 
@@ -76,11 +75,13 @@ class ElectrodeDisplacement(ElectrodeEffect):
 
     @classmethod
     def reading_starts(cls, sensor: Sensor, protocol: Protocol) -> tuple[Start, ...]:
+        """Every electrode alone, then every one with its neighbours."""
         ways = ("dx_m", "dy_m") if sensor.electrode_edge_m is None else ("along_m",)
-        return tuple(Start(cls(electrode), ways, ways) for electrode in range(sensor.electrodes))
+        each = [cls(electrode, pulled=pulled) for pulled in (0.0, PULLED) for electrode in range(sensor.electrodes)]
+        return tuple(Start(one, ways, ways) for one in each)
 
     def freer(self, free: tuple[str, ...]) -> tuple[Start, ...]:
         """With neighbours that one thread pulls along."""
         if "pulled" in free:
             return ()
-        return tuple(Start(replace(self, pulled=0.4, side=side), (*free, "pulled")) for side in (1, -1, 0))
+        return tuple(Start(replace(self, pulled=PULLED, side=side), (*free, "pulled")) for side in (1, -1, 0))

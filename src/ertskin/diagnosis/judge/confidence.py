@@ -150,14 +150,16 @@ def static_only(
 
     ``residuals`` (T,P) before and after are in units of the noise, noughts in frames not fitted, ``rest`` (T,) says
     where nothing presses. A field of the sheet can be bent to any systematic error of an electrode; how presses then
-    show it can't follow.
+    show it can't follow. What is little beside all that they explain at rest says nothing.
     """
     before, after = residuals
     fitted = np.asarray(before.any(axis=1) & after.any(axis=1))
     if not (fitted & rest).any() or not (fitted & ~rest).any():
         return list(claims)
     much, left = (_changing(residual, fitted, rest) for residual in (before, after))
-    if left < criteria.material_ratio**2 - 1 or left < (1 - criteria.most_share) * much:
+    stood = [float((residual[fitted & rest].mean(axis=0) ** 2).mean()) for residual in (before, after)]
+    little = left < criteria.second_share * (stood[0] - stood[1])
+    if little or left < criteria.material_ratio**2 - 1 or left < (1 - criteria.most_share) * much:
         return list(claims)
 
     def doubtful(effect: Effect) -> bool:

@@ -136,6 +136,8 @@ def test_a_sheet_that_explains_what_stands_but_not_what_presses_change_is_less_s
     residuals = (noise + static + pressed, noise + pressed)
     shown = static_only(claims, residuals, rest, DEFAULT, {SheetAnisotropy.name})
     assert shown == claims
+    much = (noise + 10 * static + pressed, noise + pressed)
+    assert static_only(claims, much, rest, DEFAULT) == claims, "little beside what is explained at rest"
 
 
 def test_a_limit_is_half_as_sure_where_the_readings_below_it_are_not_straight() -> None:

@@ -44,13 +44,11 @@ def test_the_derivative_by_the_place_is_that_of_sheets_solved_with_it_elsewhere(
 def test_a_thread_pulls_its_neighbours_along(sheet: Sensor) -> None:
     moved = ElectrodeDisplacement(0, along_m=2e-3, pulled=0.5).geometry(sheet)
     ends = [arc_position(sheet.outline_m, one.electrode_edge_m[:, 0])[0] for one in (sheet, moved)]
-    np.testing.assert_allclose(
-        ends[1] - ends[0], 2e-3 * np.array([1, 0.5, 0.25, 0.125, 0, 0.125, 0.25, 0.5]), atol=1e-9
-    )
+    np.testing.assert_allclose(ends[1] - ends[0], 2e-3 * np.array([1, 0.5, 0, 0, 0, 0, 0, 0.5]), atol=1e-9)
     pads = Sensor(sheet.outline_m, 1e3, 20.0, 0.5 * sheet.electrode_middle_m, np.full((ELECTRODES, 2), 2e-3))
-    inside = ElectrodeDisplacement(3, dx_m=1e-3, pulled=0.5).geometry(pads)
+    inside = ElectrodeDisplacement(3, dx_m=1e-3, pulled=0.5, side=1).geometry(pads)
     assert (inside.electrode_center_m - pads.electrode_center_m)[:, 0] == pytest.approx(
-        1e-3 * np.array([0.125, 0.25, 0.5, 1, 0.5, 0.25, 0.125, 0])
+        1e-3 * np.array([0, 0, 0, 1, 0.5, 0, 0, 0])
     )
 
 
@@ -65,4 +63,4 @@ def test_it_states_where_the_middle_went(sheet: Sensor) -> None:
 def test_each_kind_of_electrode_moves_its_own_way(sheet: Sensor) -> None:
     with pytest.raises(ValueError, match="along_m"):
         ElectrodeDisplacement(0, dx_m=1e-3).geometry(sheet)
-    assert [s.free for s in ElectrodeDisplacement.reading_starts(sheet, PROTOCOL)] == [("along_m",)] * ELECTRODES
+    assert [s.free for s in ElectrodeDisplacement.reading_starts(sheet, PROTOCOL)] == [("along_m",)] * (2 * ELECTRODES)
