@@ -14,7 +14,7 @@ from ertskin.physics.protocol import Protocol
 from ertskin.physics.rim import moved_along
 from ertskin.physics.sensor import Sensor
 
-PULLED = 0.4
+PULLED = 0.5
 """Part of an electrode's shift that its neighbours make, where fits begin."""
 
 
