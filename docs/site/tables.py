@@ -52,7 +52,7 @@ def effect_pages() -> str:
     for name, kind in effect_classes().items():
         rows = [
             f"| `{key}` | {known.unit} | {known.low:g} to {known.high:g} | {known.neutral:g} | {known.meaning} |"
-            for key, known in kind.parameters().items()
+            for key, known in (kind.parameters() | {f"{key}[k]": one for key, one in kind.several().items()}).items()
         ]
         head = ["| parameter | unit | range | default | meaning |", "| --- | --- | --- | --- | --- |"]
         table = "\n".join([*head, *rows])

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ertskin.diagnosis.fit.joint_fit import Solved, Term, VoltageProblem
+from ertskin.diagnosis.search.candidates import displacement_columns
 from ertskin.diagnosis.search.smooth_fields import at_nodes, node_shape
 from ertskin.physics.effects.effect import AcquisitionEffect, Effect, ElectrodeEffect, Start, shown_by
 from ertskin.physics.effects.hypothesis import Measured, Signal
@@ -192,23 +193,16 @@ def _positive(start: Start) -> bool:
 
 
 def _pads(problem: VoltageProblem, solved: Solved) -> Iterator[_StartColumns]:
-    """Displaced pads, from the shape derivatives that the linearised skin holds."""
-    sensor = problem.evidence.sensor
-    if sensor.electrode_edge_m is not None:
-        return
+    """Displaced electrodes, from the shape derivatives that the linearised skin holds."""
     kind = measured_as(Measured.PAD_SHIFT)
     present = {(term.name, _number(term.effect)) for term in solved.terms}
-    nothing = np.zeros((0 if problem.specimen is None else len(problem.specimen.stress_pa), 2))
-    for start in kind.reading_starts(sensor, problem.evidence.protocol):
-        electrode = _number(start.effect)
-        if (kind.name, electrode) in present:
+    stresses = 0 if problem.specimen is None else len(problem.specimen.stress_pa)
+    for start in kind.reading_starts(problem.evidence.sensor, problem.evidence.protocol):
+        if (kind.name, _number(start.effect)) in present:
             continue
-        columns = np.zeros((*solved.scan_residual.shape, 2))
-        for patch in problem.linear.patches:
-            for k, state in enumerate(patch.states):
-                columns[patch.rows[patch.state_of == k]] = state.pads[:, electrode]
-        moved = np.where(problem.weight[:, None, None] > 0, columns / problem.evidence.noise_v, 0.0)
-        yield _StartColumns(start, problem.evidence.discounted(moved).reshape(-1, 2), nothing)
+        columns = displacement_columns(problem, start)
+        count = columns.shape[-1]
+        yield _StartColumns(start, columns.reshape(-1, count), np.zeros((stresses, count)))
 
 
 def _number(effect: Effect) -> int:

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from enum import StrEnum
-from typing import TYPE_CHECKING, Any, ClassVar, Self, cast
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -88,7 +88,7 @@ class Effect:
             value = getattr(self, key)
             if not known.low <= value <= known.high:
                 raise ValueError(f"{self.name}.{key} = {value:g} {known.unit}: outside [{known.low:g}, {known.high:g}]")
-        for key, known in ((f.name, f.metadata["parameters"]) for f in fields(self) if "parameters" in f.metadata):
+        for key, known in self.several().items():
             if any(not known.low <= value <= known.high for value in getattr(self, key)):
                 raise ValueError(f"{self.name}.{key}: all in [{known.low:g}, {known.high:g}] {known.unit}")
 
@@ -97,17 +97,19 @@ class Effect:
         """The continuous parameters by name, in order of declaration."""
         return {f.name: f.metadata["parameter"] for f in fields(cls) if "parameter" in f.metadata}
 
+    @classmethod
+    def several(cls) -> dict[str, Parameter]:
+        """Those that come several of a kind, one for each channel say, by the name that they share."""
+        return {f.name: f.metadata["parameters"] for f in fields(cls) if "parameters" in f.metadata}
+
     def values(self) -> dict[str, float]:
         """The continuous parameters' values."""
         return {key: float(getattr(self, key)) for key in self.parameters()}
 
     def known(self, key: str) -> Parameter:
         """What is known of a parameter, or of one of several (``name[k]``)."""
-        name, _ = _indexed(key)
-        found = {f.name: f.metadata.get("parameter") or f.metadata.get("parameters") for f in fields(self)}[name]
-        if found is None:
-            raise KeyError(key)
-        return cast(Parameter, found)
+        name, number = _indexed(key)
+        return (self.parameters() if number is None else self.several())[name]
 
     def value(self, key: str) -> float:
         """A parameter's value, or that of one of several."""

@@ -159,22 +159,28 @@ def _electrodes(problem: VoltageProblem, solved: Solved, partitions: Sequence[Se
     for start in pads.reading_starts(sensor, protocol):
         if _number(start.effect) in present:
             continue
-        ways = np.stack([_way(cast(ElectrodeEffect, start.effect), key, sensor) for key in start.along], axis=-1)
-        columns = np.zeros((*base.shape, len(start.along)))
-        for patch in problem.linear.patches:
-            for k, state in enumerate(patch.states):
-                columns[patch.rows[patch.state_of == k]] = np.einsum("plc,lcn->pn", state.pads, ways)
-        columns = np.where(problem.weight[:, None, None] > 0, columns / problem.evidence.noise_v, 0.0)
+        columns = displacement_columns(problem, start)
         extra = np.zeros((0, len(start.along)))
-        gain, value = added_gain(
-            problem, solved, problem.evidence.discounted(columns), base, specimen, extra, partitions
-        )
+        gain, value = added_gain(problem, solved, columns, base, specimen, extra, partitions)
         if not (np.isfinite(gain) and np.isfinite(value).all()):
             continue
         shift = np.clip(value, -FARTHEST_M, FARTHEST_M)
         effect = start.effect.changed(dict(zip(start.along, shift.tolist(), strict=True)))
         found.append(Candidate(Term(effect, start.free), gain))
     return found
+
+
+def displacement_columns(problem: VoltageProblem, start: Start) -> Array:
+    """(T,P,n) change of the scans per metre along what a displaced electrode is screened for, in units of the noise."""
+    sensor = problem.evidence.sensor
+    ways = np.stack([_way(cast(ElectrodeEffect, start.effect), key, sensor) for key in start.along], axis=-1)
+    columns = np.zeros((*problem.evidence.scan_v.shape, len(start.along)))
+    for patch in problem.linear.patches:
+        for k, state in enumerate(patch.states):
+            columns[patch.rows[patch.state_of == k]] = np.einsum("plc,lcn->pn", state.pads, ways)
+    return problem.evidence.discounted(
+        np.where(problem.weight[:, None, None] > 0, columns / problem.evidence.noise_v, 0.0)
+    )
 
 
 def _way(effect: ElectrodeEffect, key: str, sensor: Sensor) -> Array:

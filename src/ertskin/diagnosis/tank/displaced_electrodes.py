@@ -89,11 +89,9 @@ def _displacement(found: Placement, electrode: int, criteria: Criteria) -> Claim
     error_m = float(np.hypot(OWN * found.error_m[electrode], FLOOR * found.radius_m))
     half = QUANTILE * error_m * np.abs(shift) / max(float(np.linalg.norm(shift)), 1e-12)
     effect = measured_as(Measured.PAD_SHIFT)()
-    known = effect.parameters()
-    values = {
-        key: float(np.clip(value, known[key].low, known[key].high))
-        for key, value in zip(("dx_m", "dy_m"), shift, strict=True)
-    }
+    known = effect.known("along_m")
+    along_m = float(np.clip(found.shift_m[electrode], known.low, known.high))
+    moved_effect = effect.changed({"electrode": electrode, "along_m": along_m})
     estimates = {
         key: Estimate(float(value), float(value - error), float(value + error), "m")
         for key, value, error in zip(("dx_m", "dy_m"), shift, half, strict=True)
@@ -101,7 +99,7 @@ def _displacement(found: Placement, electrode: int, criteria: Criteria) -> Claim
     moved = confidence(float(found.shift_m[electrode]), float(found.error_m[electrode]), found.radius_m)
     sure = min(moved, criteria.surest_confidence)
     outline = (("outline_changed", sure),) if len(found.displaced) > 2 else ()
-    return Claim(effect.changed({"electrode": electrode, **values}), sure, found.misfit_before, estimates, outline)
+    return Claim(moved_effect, sure, found.misfit_before, estimates, outline)
 
 
 def confidence(shift_m: float, error_m: float, radius_m: float) -> float:
