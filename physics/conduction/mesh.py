@@ -162,7 +162,10 @@ def _mesh_with_edges(outline_m: Array, edge_m: Array, grading: Grading) -> Sheet
     inside = _quadtree_points(outline_m, cell, grading.cell_m)
     point = np.concatenate([boundary, _clear_of(inside, boundary, outline_m, cell)])
     triangle = _delaunay_inside(point, outline_m)
-    mesh = SheetMesh(point, triangle, np.full(len(triangle), -1), _covered_edges(arc, start, stop, outline_m))
+    covered = _covered_edges(arc, start, stop, outline_m)
+    if len(np.unique(np.concatenate([edge[:, 0] for edge in covered]))) < sum(map(len, covered)):
+        raise MeshError("electrodes overlap on the sheet's edge")
+    mesh = SheetMesh(point, triangle, np.full(len(triangle), -1), covered)
     _check_area(mesh, outline_m)
     return mesh
 

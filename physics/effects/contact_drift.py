@@ -11,6 +11,7 @@ from ertskin.physics.effects.effect import Array, ElectrodeEffect
 from ertskin.physics.effects.hypothesis import Axis, Hypothesis, Measured, Need, Signal
 from ertskin.physics.effects.standard import Standard
 
+LEAST_OHM = 1e-3
 LATER_S = 300.0
 
 
@@ -36,12 +37,15 @@ class ContactDrift(ElectrodeEffect):
     def contact_resistance_ohm(self, resistance_ohm: Array, pad_pressure_pa: Array, time_s: Array) -> Array:
         drifted = resistance_ohm.copy()
         drifted[:, self.electrode] += np.interp(time_s, self.knot_s, self.ohm)
-        return np.maximum(drifted, 1e-3)
+        return np.maximum(drifted, LEAST_OHM)
 
     def quantities(self, standard: Standard) -> dict[str, float]:
-        """By how much the contact changes in five minutes, as a share; of several contacts the largest is stated."""
+        """By how much the contact changes in five minutes, or as far as it was followed, as a share. The largest
+        of several is stated."""
         if self.electrode >= len(standard.contact_ohm):
             return {}
         calibrated = np.tile(standard.contact_ohm, (2, 1))
         first, later = self.contact_resistance_ohm(calibrated, np.zeros_like(calibrated), np.array([0.0, LATER_S]))
-        return {"largest_share_300_s": float(np.abs(later / first - 1)[self.electrode])}
+        if first[self.electrode] <= LEAST_OHM:
+            return {}
+        return {"largest_share_300_s": float((later / first - 1)[self.electrode])}

@@ -27,9 +27,10 @@ class Crosstalk(AcquisitionEffect):
     ``shares`` (M,) more, channel by channel.
 
     ``before``: ``"channel"``, the channels read before; ``"injection"``, the same channel in the injections before.
-    What is kept is the last reading before, and of what that one had found the part ``lasting``: dielectrics give back
-    slowly. ``begins``: what the first channel of an injection finds: ``"carried"``, the last reading of the injection
-    before; ``"discharged"``, an empty capacitor; ``"settled"``, its own value already.
+    What is kept is the last reading before and, by the part ``lasting``, what that one had found: a mean of all before,
+    each counting ``lasting`` times as much as the next, for dielectrics give back slowly. ``begins``: what the first
+    channel of an injection finds: ``"carried"``, the last reading of the injection before; ``"discharged"``, an empty
+    capacitor; ``"settled"``, its own value already.
     """
 
     name: ClassVar[str] = "crosstalk"
@@ -66,7 +67,9 @@ class Crosstalk(AcquisitionEffect):
         return mixed.reshape(voltage_v.shape)
 
     def _kept(self, channels: int) -> Array:
-        """(M,) what each channel keeps."""
+        """(M,) what each channel keeps; raises ``ValueError`` where there are shares for other channels."""
+        if self.shares and len(self.shares) != channels:
+            raise ValueError(f"crosstalk.shares: {len(self.shares)} given, the scan has {channels} channels")
         kept = np.full(channels, self.fraction)
         if self.channel >= 0:
             kept[np.arange(channels) != self.channel] = 0.0

@@ -126,6 +126,8 @@ class Effect:
                 whole[name] = value
             else:
                 several = whole.setdefault(name, getattr(self, name))
+                if number >= len(several):
+                    raise ValueError(f"{self.name}.{key}: there are {len(several)}")
                 whole[name] = (*several[:number], value, *several[number + 1 :])
         return replace(self, **whole)
 

@@ -24,7 +24,7 @@ class ElectrodeDisplacement(ElectrodeEffect):
     stretches of the sheet's rim, positive in the order of the outline.
 
     Those sewn next to it, by their numbers, may be pulled along by the part ``pulled`` of its shift: the one that
-    follows where ``side`` is 1, the one before where it is -1, both where it is 0.
+    follows where ``side`` is 1, the one before where it is -1, both where it is 0. The first follows the last.
     """
 
     name: ClassVar[str] = "electrode_displacement"
@@ -43,6 +43,11 @@ class ElectrodeDisplacement(ElectrodeEffect):
     pulled: float = parameter("1", 0.0, 0.95, 0.0, 0.1, "part of its shift that its neighbours make", defining=False)
 
     side: int = 0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.side not in (-1, 0, 1):
+            raise ValueError(f"electrode_displacement.side = {self.side!r}: -1, 0 or 1")
 
     def geometry(self, sensor: Sensor) -> Sensor:
         share = self._shares(sensor.electrodes)

@@ -95,5 +95,5 @@ def _differences(recording: Recording, sensor: Sensor, protocol: Protocol) -> It
         scan.design.shape != protocol.design.shape or not np.allclose(scan.design, protocol.design),
         "has another scan",
     )
-    places = (other.electrode_center_m, sensor.electrode_center_m), (other.outline_m, sensor.outline_m)
+    places = (other.electrode_middle_m, sensor.electrode_middle_m), (other.outline_m, sensor.outline_m)
     yield any(a.shape != b.shape or not np.allclose(a, b, atol=1e-6) for a, b in places), "is of another sheet"

@@ -77,6 +77,13 @@ def test_one_of_several_parameters_is_known_by_its_number() -> None:
         Crosstalk(shares=(0.1, 0.9))
     with pytest.raises(KeyError):
         effect.known("channel")
+    with pytest.raises(ValueError, match="there are 2"):
+        effect.changed({"shares[5]": 0.1})
+
+
+def test_shares_are_as_many_as_channels(readings) -> None:
+    with pytest.raises(ValueError, match="2 given, the scan has 5 channels"):
+        Crosstalk(shares=(0.1, 0.2)).distorted_v(readings, PROTOCOL)
 
 
 def test_an_unknown_beginning_is_refused() -> None:

@@ -299,7 +299,7 @@ def gathered(claims: tuple[Claim, ...]) -> list[tuple[Claim, str]]:
 
 def _together(same: list[Claim]) -> Claim:
     """The first claim of those that are shown as one, with the quantities of them all."""
-    return replace(same[0], quantities={key: e for claim in same for key, e in claim.quantities.items()})
+    return replace(same[0], quantities={key: e for claim in reversed(same) for key, e in claim.quantities.items()})
 
 
 def _shown_name(name: str, claims: list[Claim]) -> str:

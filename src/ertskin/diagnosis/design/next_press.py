@@ -251,8 +251,9 @@ class Trial:
             if isinstance(effect, ElectrodeEffect) and effect.displaces():
                 continue
             others = tuple(e for e in skin.effects if e is not effect)
-            for key, known in effect.parameters().items():
-                value = float(getattr(effect, key))
+            several = (f"{name}[{k}]" for name in effect.several() for k in range(len(getattr(effect, name))))
+            for key in (*effect.parameters(), *several):
+                known, value = effect.known(key), effect.value(key)
                 error = min(KNOWN * abs(value), known.typical)
                 if value == known.neutral or error == 0:
                     continue

@@ -519,7 +519,11 @@ def _numbers(solved: Solved) -> list[_Numbers]:
         # A time constant is known by its logarithm rather, whatever is typical.
         scale = np.where([p.low > 0 for p in known], SCALED * value, 0.0)
         reach = np.maximum(REACH * np.array([p.typical for p in known]), scale)
-        found.append(_Numbers(first + np.arange(len(known)), reach, away))
+        # One of several of a kind that the other cells don't tell says nothing of the others.
+        single = np.array(["[" in key for key in term.free], dtype=bool)
+        for which in (np.flatnonzero(~single), *np.flatnonzero(single)[:, None]):
+            if len(which):
+                found.append(_Numbers(first + which, reach[which], away[which]))
         first += term.count
     return found
 

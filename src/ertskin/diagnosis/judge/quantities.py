@@ -84,11 +84,14 @@ def _with_errors(claim: Claim, solved: Solved, sensor: Sensor) -> Claim:
 
 
 def largest_alone(claims: Sequence[Claim]) -> tuple[Claim, ...]:
-    """The claims; a quantity that is the largest of several (``largest_...``) stays with the one that has it."""
+    """The claims; a quantity that is the largest of several (``largest_...``) stays with the one that has it, of the
+    surest of an effect."""
 
     def is_largest(claim: Claim, name: str) -> bool:
-        values = [c.quantities[name].value for c in claims if name in c.quantities]
-        return not name.startswith("largest_") or claim.quantities[name].value == max(values)
+        if not name.startswith("largest_"):
+            return True
+        alike = [c for c in claims if c.effect.name == claim.effect.name and name in c.quantities]
+        return claim is max(alike, key=lambda c: (c.confidence, abs(c.quantities[name].value)))
 
     return tuple(replace(c, quantities={n: e for n, e in c.quantities.items() if is_largest(c, n)}) for c in claims)
 

@@ -98,12 +98,13 @@ class PadRims:
         return space.edge_nodes(rim), np.stack([along[:, 1], -along[:, 0]], axis=1)
 
     def _ends(self, side: Indices) -> tuple[Indices, Array]:
-        """Nodes (2,) at the first and the last end of an electrode's mesh edges (n,2), and the way along (2,) from the
-        one to the other, of unit length."""
+        """Nodes (2,) at the first and the last end of an electrode's mesh edges (n,2), and the way (2,) on which its
+        middle goes, by which a shift of the middle is one along the outline."""
         first, last = (np.setdiff1d(side[:, k], side[:, 1 - k]) for k in range(2))
-        ends = np.concatenate([first, last])
-        way_m = np.diff(self.model.mesh.point_m[ends], axis=0)[0]
-        return ends, way_m / np.hypot(*way_m)
+        at_ends = side[np.concatenate([np.flatnonzero(side[:, 0] == first), np.flatnonzero(side[:, 1] == last)])]
+        along = np.diff(self.model.mesh.point_m[at_ends], axis=1)[:, 0]
+        way = (along / np.hypot(*along.T)[:, None]).mean(axis=0)
+        return np.concatenate([first, last]), way / (way @ way)
 
     def sensitivity(self, solution: Solution, protocol: Protocol) -> Array:
         """(P, L, 2) change of the whitened scan in volt per metre by which an electrode is shifted along x and y.

@@ -136,7 +136,7 @@ def _sheet(axis: Axes, findings: Findings, title: str) -> None:
     assert findings.evidence is not None
     sensor = findings.evidence.sensor
     axis.plot(*1e3 * np.vstack([sensor.outline_m, sensor.outline_m[:1]]).T, color=INK, lw=0.7)
-    x_mm, y_mm = 1e3 * sensor.electrode_center_m.T
+    x_mm, y_mm = 1e3 * sensor.electrode_middle_m.T
     axis.scatter(x_mm, y_mm, s=10, marker="s", facecolors="none", edgecolors=INK, linewidths=0.7)
     axis.autoscale_view()
     (left, low), (right, high) = 1e3 * sensor.extent_m

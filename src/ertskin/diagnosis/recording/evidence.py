@@ -24,6 +24,8 @@ TOP = 3e-3
 """Part of the readings among which a converter that bends is looked for."""
 HIGHEST = 50
 """Values at the top of the readings from which an undeclared converter's step is taken."""
+MOST_USUAL = 12.0
+"""Times what readings scatter by that one may usually be off and is no spike; despiking begins at five."""
 FEWEST_FRAMES = 10
 """From which on what a reading is usually off by is known."""
 LEAST_ODD = 1e-3
@@ -212,12 +214,12 @@ def _scans(
     scan, spike = _channels_restored(protocol, voltage, scan, spike)
     fitted = (scan @ protocol.orthonormal.T).reshape(voltage.shape)
     if not saturated and _compressed(voltage, fitted, spike, rest):
-        scan, spike = _usual_restored(protocol, voltage, fitted, spike, OFTEN)
+        scan, spike = _usual_restored(protocol, voltage, fitted, spike, np.inf, OFTEN)
         fitted, bent = (scan @ protocol.orthonormal.T).reshape(voltage.shape), False
     else:
         bent = _bent_at_top(voltage, fitted, spike)
         if not (bent or saturated) and len(voltage) >= FEWEST_FRAMES:
-            scan, spike = _usual_restored(protocol, voltage, fitted, spike)
+            scan, spike = _usual_restored(protocol, voltage, fitted, spike, MOST_USUAL)
     straight: Array | None = voltage
     if bent or saturated:
         bent_v = _bent_from(fitted[rest][:, protocol.taken], spike[rest][:, protocol.taken])
@@ -299,17 +301,24 @@ def _compressed(voltage: Array, fitted: Array, spike: NDArray[np.bool_], rest: N
 
 
 def _usual_restored(
-    protocol: Protocol, voltage: Array, fitted: Array, spike: NDArray[np.bool_], often: float = 1.0
+    protocol: Protocol,
+    voltage: Array,
+    fitted: Array,
+    spike: NDArray[np.bool_],
+    largest: float,
+    often: float = np.inf,
 ) -> tuple[Array, NDArray[np.bool_]]:
-    """Scans and spikes with readings put back that are off by about as much in all frames, or in ``often`` of them: an
-    error that stands.
+    """Scans and spikes with readings put back that are off by about as much in all frames, up to ``largest`` times what
+    readings scatter by, or spikes in the part ``often`` of the frames: an error that stands.
 
-    One about as large as what is taken for a spike would be left out in some frames and not in others.
+    One about as large as what is taken for a spike would be left out in some frames and not in others. A reading that
+    is plainly wrong stays left out.
     """
     present = np.isfinite(voltage)
     off = np.where(present, voltage - fitted, 0.0)
     usual = np.median(off, axis=0)
-    alike = (off * usual > 0) & (np.abs(off) < ALIKE * np.abs(usual))
+    near = np.abs(usual) < largest * robust_std(off[present & ~spike])
+    alike = (off * usual > 0) & (np.abs(off) < ALIKE * np.abs(usual)) & near
     kept = (spike & ~alike & (spike.mean(axis=0) < often)) | ~present
     filled = np.where(kept, fitted, voltage)
     return filled.reshape(len(filled), -1) @ protocol.orthonormal, kept

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ertskin.diagnosis.fit.joint_fit import Solved, VoltageProblem
+from ertskin.diagnosis.fit.nonreciprocal import instruments
 from ertskin.diagnosis.search.first_order_gain import add_leftover, held_out_gain, with_columns
 from ertskin.physics.effects.effect import AcquisitionEffect, Effect
 
@@ -65,14 +66,15 @@ def form_error(
 
 def _other_forms(problem: VoltageProblem, effects: Sequence[Effect]) -> tuple[AcquisitionEffect, ...]:
     """Every form in which the instrument may show the same, each as large as the first effect of its name."""
-    instrument = {effect.name: effect for effect in reversed(effects) if isinstance(effect, AcquisitionEffect)}
+    instrument = {effect.name: effect for effect in reversed(instruments(effects))}
     largest_v = problem.acquisition.largest_v
     found = []
     for effect in instrument.values():
         for start in type(effect).reading_starts(problem.evidence.sensor, problem.evidence.protocol):
             if start.reciprocal:
                 continue
-            size = {key: abs(getattr(effect, key)) or getattr(start.effect, key) for key in start.along}
+            each = [float(np.mean(np.abs(getattr(effect, key)))) for key in effect.several() if getattr(effect, key)]
+            size = {key: abs(effect.value(key)) or max(each, default=start.effect.value(key)) for key in start.along}
             found.append(cast(AcquisitionEffect, start.effect.changed(size)).scaled_to(largest_v))
     return tuple(found)
 

@@ -66,10 +66,8 @@ def _explained(effect: dict[str, Any]) -> str:
 def _named(effects: list[dict[str, Any]]) -> Table:
     rows = []
     for effect in effects:
-        values = [
-            f"{words_of(key)} {interval(e['value'], e['low'], e['high'], e['unit'])}"
-            for key, e in (effect["parameters"] or effect["quantities"]).items()
-        ]
+        shown = {key: e for key, e in effect["parameters"].items() if "[" not in key} or effect["quantities"]
+        values = [f"{words_of(key)} {interval(e['value'], e['low'], e['high'], e['unit'])}" for key, e in shown.items()]
         rivals = [f"{words_of(other['name'])} ({other['confidence']:.2f})" for other in effect["alternatives"]]
         rows.append(
             Row(

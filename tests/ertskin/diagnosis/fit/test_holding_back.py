@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -11,10 +12,11 @@ import pytest
 from ertskin.diagnosis.contract.claims import FORM, estimate
 from ertskin.diagnosis.criteria import DEFAULT
 from ertskin.diagnosis.fit.full_solution_check import CheckedFit
-from ertskin.diagnosis.fit.joint_fit import Solved, Term, held_out
+from ertskin.diagnosis.fit.joint_fit import Solved, Term, _numbers, held_out
 from ertskin.diagnosis.fit.levenberg_marquardt import Fit, Quadratic
 from ertskin.diagnosis.search import selection, trials
 from ertskin.physics.conduction.mesh import MeshError
+from ertskin.physics.effects.crosstalk import Crosstalk
 from ertskin.physics.effects.piezo_hysteresis import PiezoHysteresis
 from ertskin.physics.effects.piezo_inhomogeneity import PiezoInhomogeneity
 
@@ -41,6 +43,14 @@ def test_a_term_that_only_one_cell_tells_is_away_in_what_the_others_predict_ther
     found = held_out(fitted([1e3, 1e-3, 1e-3], [1.0, -1e6, 0.0]), [[0]])
     # The loop's width is 0.1, and the cell pulls by 1 where it is.
     assert found[0] == pytest.approx(0.5 + 0.5 * (1.0 + 1e3 * 0.1) ** 2)
+
+
+def test_one_of_several_of_a_kind_that_others_do_not_tell_is_away_alone() -> None:
+    keys = ("shares[0]", "shares[1]", "lasting")
+    solved = replace(fitted([1.0], [0.0]), terms=(Term(Crosstalk(shares=(0.1, 0.2), lasting=0.3), keys),))
+    solved = replace(solved, fit=replace(solved.fit, value=np.array([0.1, 0.2, 0.3])))
+    alone = [(one.index.tolist(), one.away.tolist()) for one in _numbers(solved)]
+    assert alone == [([2], [0.0]), ([0], [-0.1]), ([1], [-0.2])]
 
 
 def test_a_term_that_one_cell_alone_wants_gains_nothing_held_out() -> None:

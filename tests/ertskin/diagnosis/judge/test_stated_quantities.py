@@ -1,12 +1,15 @@
 """Intervals of quantities follow from the parameters' covariance; maps lie in the sheet."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from ertskin.diagnosis.contract.claims import QUANTILE, Claim, Estimate
-from ertskin.diagnosis.judge.quantities import Spread, field_map, quantities, standard_of, stated
+from ertskin.diagnosis.judge.quantities import Spread, field_map, largest_alone, quantities, standard_of, stated
 from ertskin.hardware.virtual.bench.nominal import nominal_sensor
 from ertskin.physics.effects.adc_saturation import AdcSaturation
+from ertskin.physics.effects.contact_drift import ContactDrift
 from ertskin.physics.effects.piezo_hysteresis import PiezoHysteresis
 from ertskin.physics.effects.piezo_inhomogeneity import PiezoInhomogeneity
 from ertskin.physics.effects.sheet_anisotropy import SheetAnisotropy
@@ -65,3 +68,17 @@ def test_the_standard_is_the_recordings() -> None:
     protocol = Protocol.against_sink(electrode_pairs(24), 24, 1e-4, scan_s=0.4)
     found = standard_of(SENSOR, protocol, history)
     assert (found.deepest_m, found.step_m, found.scan_s) == (3e-3, pytest.approx(1e-3), 0.4)
+
+
+def test_of_contacts_that_drift_the_surest_states_how_far_the_farthest_goes() -> None:
+    known = replace(STANDARD, contact_ohm=np.array([200.0, 500.0, 300.0]))
+    drifts = {0: 0.9, 1: 0.9, 2: 0.2}
+    paths = {0: (0.0, -50.0), 1: (0.0, 100.0), 2: (0.0, 150.0)}
+    claims = [
+        stated(Claim(ContactDrift(k, (0.0, 300.0), paths[k]), sure, 1.1, {}), known, Spread.of({}))
+        for k, sure in drifts.items()
+    ]
+    found = largest_alone(claims)
+    assert [list(claim.quantities) for claim in found] == [["largest_share_300_s"], [], []]
+    assert found[0].quantities["largest_share_300_s"].value == pytest.approx(-0.25)
+    assert ContactDrift(0, (0.0, 300.0), (-200.0, 0.0)).quantities(known) == {}

@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 
 from ertskin.diagnosis.linear.sensitivity import PadRims
+from ertskin.physics.conduction.mesh import MeshError
 from ertskin.physics.conduction.sheet import SheetModel
 from ertskin.physics.effects.electrode_displacement import ElectrodeDisplacement
 from ertskin.physics.effects.standard import Standard
 from ertskin.physics.protocol import Protocol, electrode_pairs
-from ertskin.physics.rim import arc_position
-from ertskin.physics.sensor import Sensor
+from ertskin.physics.rim import arc_position, on_outline
+from ertskin.physics.sensor import Sensor, rectangle_m
 
 ELECTRODES, RADIUS_M = 8, 0.05
 PROTOCOL = Protocol.against_sink(electrode_pairs(ELECTRODES), ELECTRODES, 1e-3)
@@ -25,13 +26,25 @@ def sheet() -> Sensor:
     return Sensor(outline, 1e3, 20.0, electrode_edge_m=np.stack([outline[first], outline[first + 6]], axis=1))
 
 
+@pytest.fixture(scope="module")
+def rectangle() -> Sensor:
+    """Its first electrode lies round a corner."""
+    outline = rectangle_m((0.1, 0.06))
+    middle = 0.32 * np.arange(ELECTRODES) / ELECTRODES
+    ends = on_outline(outline, (middle[:, None] + [-0.004, 0.006]).ravel() % 0.32)
+    return Sensor(outline, 1e3, 20.0, electrode_edge_m=ends.reshape(-1, 2, 2))
+
+
 def scan(sensor: Sensor) -> np.ndarray:
     model = SheetModel(sensor, "fine")
     return PROTOCOL.whitened(model.solve(model.uniform(1e3), np.full(ELECTRODES, 20.0)).pair_resistance_ohm)
 
 
-@pytest.mark.parametrize("electrode", [0, 5])
-def test_the_derivative_by_the_place_is_that_of_sheets_solved_with_it_elsewhere(sheet: Sensor, electrode: int) -> None:
+@pytest.mark.parametrize(("shape", "electrode"), [("sheet", 0), ("sheet", 5), ("rectangle", 0), ("rectangle", 3)])
+def test_the_derivative_by_the_place_is_that_of_sheets_solved_with_it_elsewhere(
+    shape: str, electrode: int, request: pytest.FixtureRequest
+) -> None:
+    sheet: Sensor = request.getfixturevalue(shape)
     model, step_m = SheetModel(sheet, "fine"), 5e-4
     solution = model.solve(model.uniform(1e3), np.full(ELECTRODES, 20.0))
     sides = [ElectrodeDisplacement(electrode, along_m=by_m).geometry(sheet) for by_m in (-step_m, step_m)]
@@ -58,6 +71,13 @@ def test_it_states_where_the_middle_went(sheet: Sensor) -> None:
     way = 2e-3 * np.array([-np.sin(middle), np.cos(middle)])
     assert (found["dx_m"], found["dy_m"]) == pytest.approx(way, abs=5e-5)
     assert ElectrodeDisplacement(0, dx_m=1e-3).quantities(Standard(np.ones_like, np.nan)) == {}
+
+
+def test_electrodes_do_not_overlap(sheet: Sensor) -> None:
+    with pytest.raises(MeshError, match="overlap"):
+        scan(ElectrodeDisplacement(1, along_m=-0.02).geometry(ElectrodeDisplacement(0, along_m=0.02).geometry(sheet)))
+    with pytest.raises(ValueError, match="side"):
+        ElectrodeDisplacement(0, side=2)
 
 
 def test_each_kind_of_electrode_moves_its_own_way(sheet: Sensor) -> None:

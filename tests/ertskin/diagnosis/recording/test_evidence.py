@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from ertskin.diagnosis.recording.evidence import (
+    MOST_USUAL,
     _bent_at_top,
     _bent_from,
     _bent_level_v,
@@ -75,9 +76,20 @@ def test_a_reading_that_is_usually_off_as_far_as_a_spike_is_none(protocol: Proto
     voltage[2, 50, 3] += 1.0
     _scan, fitted, spike = split(protocol, voltage)
     assert 0 < spike[:, 100, 7].sum() < FRAMES, "left out in some frames and not in others"
-    _, kept = _usual_restored(protocol, voltage, fitted, spike)
+    _, kept = _usual_restored(protocol, voltage, fitted, spike, MOST_USUAL)
     assert not kept[:, 100, 7].any()
     assert kept[2, 50, 3]
+
+
+@pytest.mark.parametrize("share", [0.6, 1.0])
+def test_a_reading_that_is_plainly_wrong_stays_left_out(protocol: Protocol, share: float) -> None:
+    voltage = np.concatenate([readings(protocol, 13)] * 2)
+    wrong = np.arange(len(voltage)) < share * len(voltage)
+    voltage[wrong, 100, 7] += 1.0
+    clean, _ = despiked(protocol, np.concatenate([readings(protocol, 13)] * 2))
+    scan, spike, _ = _scans(protocol, voltage, np.ones(len(voltage), dtype=bool), False)
+    assert spike[wrong, 100, 7].all()
+    assert np.abs(scan - clean).max() < 5 * NOISE_V
 
 
 def test_a_converter_that_bends_is_seen_and_a_straight_one_is_not(protocol: Protocol) -> None:

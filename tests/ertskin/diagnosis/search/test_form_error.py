@@ -11,7 +11,7 @@ from ertskin.diagnosis.fit.joint_fit import Solved, Term, VoltageProblem
 from ertskin.diagnosis.linear.calibration_vector import SHAPE, Calibration, SkinFamily
 from ertskin.diagnosis.linear.linear_skin import LinearSkin
 from ertskin.diagnosis.recording.evidence import Evidence
-from ertskin.diagnosis.search.form_error import form_error
+from ertskin.diagnosis.search.form_error import _other_forms, form_error
 from ertskin.physics.effects.crosstalk import Crosstalk
 from ertskin.physics.effects.sheet_anisotropy import SheetAnisotropy
 from ertskin.physics.protocol import Protocol, electrode_pairs
@@ -75,3 +75,15 @@ def test_effects_of_the_skin_have_no_such_error() -> None:
     error = form_error(problem, solved, PARTITIONS, ())
     assert error.gain == 0.0
     assert not error.expected(problem, solved).any()
+
+
+def test_a_share_for_every_channel_leaves_no_form_error() -> None:
+    problem, solved = fitted(SHARES)
+    alike = Crosstalk(fraction=4e-3, shares=(0.0,) * CHANNELS)
+    *_, each = alike.freer(("fraction",))
+    found = problem.solve([Term(each.effect, each.free)], solved.calibration)
+    np.testing.assert_allclose(found.terms[0].effect.shares, SHARES, atol=5e-5)  # type: ignore[attr-defined]
+    assert rms(found.scan_residual) < 1.05
+    forms = _other_forms(problem, found.effects)
+    assert {round(form.value("fraction"), 5) for form in forms} == {round(float(SHARES.mean()), 5)}
+    assert form_error(problem, found, PARTITIONS, found.effects).gain < 15
