@@ -36,6 +36,7 @@ class AdcSaturation(AcquisitionEffect):
         " HPA-nonlinearity on a 4-DPSK/OFDM signal, 2nd European Conference on Satellite Communications (1991) 179"
     )
     order: ClassVar[int] = 2
+    form_error: ClassVar[float] = 0.2
     linear: ClassVar[bool] = False
     hypothesis: ClassVar[Hypothesis] = Hypothesis(
         (Axis.ELECTRODE,), (Signal.NONRECIPROCAL,), (), measured=Measured.READING_LIMIT

@@ -19,7 +19,7 @@ class ChannelGain(AcquisitionEffect):
     name: ClassVar[str] = "channel_gain"
     source: ClassVar[str] = "Gain and offset error of an amplifier or multiplexer branch"
     order: ClassVar[int] = 0
-    form_error: ClassVar[float] = 0.15
+    form_error: ClassVar[float] = 0.25
     hypothesis: ClassVar[Hypothesis] = Hypothesis(
         (Axis.ELECTRODE,), (Signal.NONRECIPROCAL,), (Need.MORE_READINGS,), measured=Measured.CHANNEL_ERROR
     )

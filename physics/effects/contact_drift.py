@@ -25,7 +25,7 @@ class ContactDrift(ElectrodeEffect):
 
     name: ClassVar[str] = "contact_drift"
     source: ClassVar[str] = "Stitched contacts wander by far more than the reading noise within a recording"
-    form_error: ClassVar[float] = 0.3
+    form_error: ClassVar[float] = 0.4
     hypothesis: ClassVar[Hypothesis] = Hypothesis(
         (Axis.ELECTRODE, Axis.TIME), (Signal.REST,), (Need.REST_FRAMES,), measured=Measured.CONTACT_PATH
     )

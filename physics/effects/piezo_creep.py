@@ -47,7 +47,7 @@ class PiezoCreep(PiezoEffect):
         "gaps as in Greenwood & Williamson, Proc. R. Soc. A 295 (1966) 300"
     )
     order: ClassVar[int] = 3
-    form_error: ClassVar[float] = 0.1
+    form_error: ClassVar[float] = 0.2
     hypothesis: ClassVar[Hypothesis] = Hypothesis(
         (Axis.HISTORY, Axis.TIME), (Signal.READINGS, Signal.SPECIMEN), (Need.PRESSES,)
     )

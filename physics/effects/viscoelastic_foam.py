@@ -25,6 +25,7 @@ class ViscoelasticFoam(FoamEffect):
         "Simo, Comput. Methods Appl. Mech. Eng. 60 (1987) 153: quasi-linear relaxation, Prony series"
     )
     order: ClassVar[int] = 3
+    form_error: ClassVar[float] = 0.5
     hypothesis: ClassVar[Hypothesis] = Hypothesis(
         (Axis.HISTORY, Axis.TIME),
         (Signal.FORCE, Signal.COUPON),

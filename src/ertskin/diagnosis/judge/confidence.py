@@ -54,7 +54,7 @@ def left_over(
     def share(claim: Claim) -> float:
         if claim.effect.hypothesis.field and of_fields is not None:
             return _explained(before, of_fields, criteria)
-        if claim.effect.stage == Stage.MECHANICS or claim.by_force:
+        if claim.by_force or (claim.effect.stage == Stage.MECHANICS and shown_by(claim.effect, Signal.FORCE)):
             return 1.0
         placed = "where" in _kind(claim)
         return _explained(before, after if placed or presses_free is None else presses_free, criteria)
