@@ -24,6 +24,8 @@ from ertskin.physics.skin import TAIL, Skin
 Array = NDArray[np.float64]
 
 ROUNDS = 30
+LEAST_LEFT = 0.02
+"""Part of a contact's mean resistance that a path must leave of it."""
 ENOUGH_RESTS = 5
 REMEMBERED = 3
 """Places, pressed before a rest frame, that may not have recovered yet."""
@@ -304,14 +306,16 @@ def _contact_drift(
     rest = np.stack([c - p @ c for c, p in zip(change_v / noise_v, free, strict=True)])
     designs = [columns - p @ columns for p in free]
     drift, knots = measured_as(Measured.CONTACT_PATH)(), tuple(time_s.tolist())
-
-    def path_ohm(k: int) -> tuple[float, ...]:
-        return tuple((contacts[k] * _smoothed(moved[:, k], error[:, k])).tolist())
-
-    return tuple(
-        drift.changed({"electrode": k, "knot_s": knots, "ohm": path_ohm(k)})
+    paths = {
+        k: _smoothed(moved[:, k], error[:, k])
         for k in wandering(rest, designs, traces.any(axis=1).sum(axis=1).tolist(), restless)
         if wanders(*_by_run(moved[:, k], error[:, k], run), criteria)
+    }
+    return tuple(
+        drift.changed({"electrode": k, "knot_s": knots, "ohm": tuple((contacts[k] * path).tolist())})
+        for k, path in paths.items()
+        # Read off the slope at the mean: where that leads to nothing or less, readings hardly show the contact.
+        if path.min() > LEAST_LEFT - 1
     )
 
 

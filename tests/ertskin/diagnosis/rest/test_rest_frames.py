@@ -21,6 +21,7 @@ from ertskin.diagnosis.rest.rest_frames import (
 )
 from ertskin.hardware.virtual.bench.nominal import nominal_sensor
 from ertskin.physics.effects.contact_drift import ContactDrift
+from ertskin.physics.effects.effect import Effect
 from ertskin.physics.effects.sheet_anisotropy import SheetAnisotropy
 from ertskin.physics.history import History
 from ertskin.physics.piezo.polynomial import PiezoPolynomial
@@ -28,6 +29,7 @@ from ertskin.physics.protocol import Protocol
 from ertskin.physics.skin import Skin
 
 CONTACTS, NUMBERS, FRAMES = 8, 60, 30
+PATH = np.linspace(-1.0, 1.0, FRAMES) ** 3
 EACH = np.arange(FRAMES)
 """Runs of one rest frame each."""
 
@@ -165,23 +167,24 @@ def test_a_contact_that_is_another_one_in_every_run_scatters_by_all_of_that() ->
         assert noise.jittering == 2
 
 
-def test_a_contact_that_drifts_is_followed() -> None:
+def drifting(largest: float) -> tuple[Effect, ...]:
+    """What is said of a contact that changes from less to more by up to this part of itself, in noise a tenth of it."""
     rng = np.random.default_rng(7)
     columns, traces = columns_and_traces(rng)
-    path = np.linspace(-1.0, 1.0, FRAMES) ** 3
-    change = rng.standard_normal((FRAMES, NUMBERS)) + 10 * np.outer(path, columns[:, 5])
-    (drift,) = _contact_drift(
-        change,
-        np.arange(float(FRAMES)),
-        np.arange(FRAMES),
-        1.0,
-        columns,
-        np.zeros_like(traces),
-        np.full(CONTACTS, 300.0),
-        DEFAULT,
-    )
+    noise_v = largest / 10
+    change = noise_v * rng.standard_normal((FRAMES, NUMBERS)) + largest * np.outer(PATH, columns[:, 5])
+    frame, contacts = np.arange(FRAMES), np.full(CONTACTS, 300.0)
+    return _contact_drift(change, 1.0 * frame, frame, noise_v, columns, np.zeros_like(traces), contacts, DEFAULT)
+
+
+def test_a_contact_that_drifts_is_followed() -> None:
+    (drift,) = drifting(0.8)
     assert isinstance(drift, ContactDrift)
-    np.testing.assert_allclose(np.array(drift.ohm) / 300.0, 10 * path, atol=0.8)
+    np.testing.assert_allclose(np.array(drift.ohm) / 300.0, 0.8 * PATH, atol=0.064)
+
+
+def test_a_path_that_leads_below_nothing_is_none_of_a_contact() -> None:
+    assert drifting(1.5) == ()
 
 
 def test_a_walk_is_distinguished_from_noise() -> None:
