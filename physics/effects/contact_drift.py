@@ -12,7 +12,9 @@ from ertskin.physics.effects.hypothesis import Axis, Hypothesis, Measured, Need,
 from ertskin.physics.effects.standard import Standard
 
 LEAST_OHM = 1e-3
+"""What no path brings a contact below."""
 LATER_S = 300.0
+"""After how long the change that is stated is taken."""
 
 
 @dataclass(frozen=True)
