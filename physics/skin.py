@@ -352,9 +352,7 @@ class Skin:
         self, history: History, skew: MotionEffect, force_n: Array | None, wanted: NDArray[np.intp] | None
     ) -> Array:
         """Readings of presses that go on moving: solved at a few moments of a scan, interpolated between."""
-        offset = np.asarray(self.protocol.injection_offset_s)
-        moments = np.linspace(offset.min(), offset.max(), SKEW_NODES)
-        weights = lagrange_weights(moments, offset)
+        moments, weights = moments_of(skew, self.protocol)
         still = self.known_force_n(history) if force_n is None else force_n
         at_rest = self.force_n(history)
         depth = skew.depth_m(history, moments)
@@ -374,6 +372,17 @@ def frames_since(event: NDArray[np.bool_], rows: NDArray[np.intp]) -> NDArray[np
     np.add.at(change, last, 1)
     np.add.at(change, rows + 1, -1)
     return np.flatnonzero(np.cumsum(change)[:-1] > 0)
+
+
+def moments_of(skew: MotionEffect, protocol: Protocol) -> tuple[Array, Array]:
+    """Moments (S,) within a scan at which presses that move are solved, and each one's weight (K,S) in the readings."""
+    offset = np.asarray(protocol.injection_offset_s)
+    moments = np.linspace(offset.min(), offset.max(), SKEW_NODES)
+    if not skew.straight:
+        return moments, lagrange_weights(moments, offset)
+    weights = np.zeros((len(offset), SKEW_NODES))
+    weights[:, [0, -1]] = lagrange_weights(moments[[0, -1]], offset)
+    return moments, weights
 
 
 def lagrange_weights(nodes: Array, where: Array) -> Array:

@@ -343,9 +343,14 @@ class AcquisitionEffect(Effect):
 
 @dataclass(frozen=True)
 class MotionEffect(Effect):
-    """An effect of the acquisition: contacts move while they are scanned."""
+    """An effect of the acquisition: contacts move while they are scanned.
+
+    ``straight``: readings run straight from those of the scan's beginning to those of its end, not as the skin's do.
+    """
 
     stage: ClassVar[Stage] = Stage.ACQUISITION
+
+    straight: bool = field(default=False, kw_only=True)
 
     @property
     def moves(self) -> bool:

@@ -21,7 +21,8 @@ class ScanSkew(MotionEffect):
 
     At 0 it goes on from the command, at the scan's end it arrives there, between the scan sees it come and go. It never
     goes above the surface, nor beyond the press's deepest command unless it ``overshoots``. With ``ease`` it sets out
-    and arrives more gently, within the scan, than at constant speed.
+    and arrives more gently, within the scan, than at constant speed. A recorder that interpolates between two readings,
+    to say all as of one moment, leaves them ``straight``.
     """
 
     name: ClassVar[str] = "scan_skew"
@@ -72,10 +73,11 @@ class ScanSkew(MotionEffect):
         return {"share_of_step_in_scan": min(self.speed_m_per_s * standard.scan_s / standard.step_m, 1.0)}
 
     def freer(self, free: tuple[str, ...]) -> tuple[Start, ...]:
+        straight = () if self.straight else (Start(replace(self, straight=True), free),)
         if "ease" in free:
-            return ()
+            return straight
         eased = replace(self, ease=0.5)
-        return tuple(Start(form, (*free, "ease")) for form in (eased, replace(eased, overshoots=True)))
+        return (*straight, *(Start(form, (*free, "ease")) for form in (eased, replace(eased, overshoots=True))))
 
     @property
     def moves(self) -> bool:

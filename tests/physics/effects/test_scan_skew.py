@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -9,6 +11,7 @@ from ertskin.physics.effects.scan_skew import ScanSkew
 from ertskin.physics.history import History, Phase
 from ertskin.physics.protocol import Protocol, electrode_pairs
 from ertskin.physics.sensor import Sensor, rectangle_m
+from ertskin.physics.skin import moments_of
 
 SCAN_S = 0.4
 MOMENTS_S = np.linspace(0.0, SCAN_S, 5)
@@ -48,6 +51,26 @@ def test_easing_keeps_the_way_and_starts_and_ends_more_slowly(ease: float, histo
     speed = np.diff(eased) / np.diff(moments_s)
     assert speed[0] == pytest.approx((1 - ease) * 1e-3, abs=1e-5)
     assert speed[200] == pytest.approx((1 + 0.5 * ease) * 1e-3, rel=1e-3)
+
+
+def test_straight_readings_are_a_mixture_of_those_at_a_scans_two_ends() -> None:
+    scan = Protocol.against_sink(electrode_pairs(6), 6, 1e-4, injection_offset_s=np.linspace(0.0, SCAN_S, 15))
+    moments_s, weights = moments_of(ScanSkew(speed_m_per_s=1e-3, straight=True), scan)
+    share = np.linspace(0.0, 1.0, 15)
+    np.testing.assert_allclose(weights[:, 0], 1 - share, atol=1e-12)
+    np.testing.assert_allclose(weights[:, -1], share, atol=1e-12)
+    assert not weights[:, 1:-1].any()
+    # A skin's own run through every moment that is solved.
+    course = moments_s**3
+    np.testing.assert_allclose(moments_of(ScanSkew(speed_m_per_s=1e-3), scan)[1] @ course, (SCAN_S * share) ** 3)
+
+
+@pytest.mark.parametrize("free", [("speed_m_per_s", "at_s"), ("speed_m_per_s", "at_s", "ease")])
+def test_a_fit_may_take_readings_for_straight(free: tuple[str, ...]) -> None:
+    skew = ScanSkew(speed_m_per_s=1e-3)
+    straight = replace(skew, straight=True)
+    assert (straight, free) in [(start.effect, start.free) for start in skew.freer(free)]
+    assert all(start.effect.straight for start in straight.freer(free))
 
 
 @pytest.mark.parametrize(("offset_s", "starts"), [(None, 0), (np.full(28, 1.5), 0), (0.01 * np.arange(28.0), 3)])

@@ -18,7 +18,7 @@ from ertskin.diagnosis.linear.calibration_vector import CONTACT_SPREAD, SHAPE, W
 from ertskin.diagnosis.linear.linear_skin import Fields, LinearSkin
 from ertskin.diagnosis.recording.evidence import Evidence
 from ertskin.diagnosis.specimen.signal import SpecimenSignal
-from ertskin.physics.effects.effect import Effect, shown_by
+from ertskin.physics.effects.effect import AcquisitionEffect, Effect, Stage, shown_by
 from ertskin.physics.effects.field_over_sheet import FieldOverSheet
 from ertskin.physics.effects.hypothesis import Signal
 from ertskin.physics.effects.smooth_field import Nodes, field_design
@@ -281,16 +281,20 @@ class VoltageProblem:
             law = [0, *range(layout.ratio + 1, layout.calibration)]
             columns[..., law] = self._law_columns(skin)
             self._fill_specimen(layout, x, law, specimen, specimen_columns)
+        alone = [k for k in layout.parameters if layout.on_readings_alone(k)]
+        if alone:
+            columns[..., alone], beyond = self._instrument_columns(layout, x, alone, leftover is not None)
+            if leftover is not None:
+                leftover_columns[:, [instrument.index(k) for k in alone]] = beyond
         # Another ratio of moduli is another field of pressure, which the next fit begins with: it comes last.
-        for k in (*layout.parameters, *([layout.ratio] if known is None else [])):
-            step = layout.step(k, x)
-            moved = x.copy()
-            moved[k] += step
-            stepped = self._blocks(self._skin(layout, moved), leftover is not None and k in instrument)
-            columns[..., k] = (scan - stepped[0]) / step
-            specimen_columns[:, k] = (specimen - stepped[1]) / step
+        others = [k for k in layout.parameters if k not in alone] + ([layout.ratio] if known is None else [])
+        for k in others:
+            size = layout.step(k, x)
+            stepped = self._blocks(self._skin(layout, layout.moved(k, x)), leftover is not None and k in instrument)
+            columns[..., k] = (scan - stepped[0]) / size
+            specimen_columns[:, k] = (specimen - stepped[1]) / size
             if leftover is not None and stepped[2] is not None:
-                leftover_columns[:, instrument.index(k)] = ((leftover - stepped[2]) / step).ravel()
+                leftover_columns[:, instrument.index(k)] = ((leftover - stepped[2]) / size).ravel()
         self._fill_fields(layout, skin, columns)
         self.last_columns = columns, specimen_columns
         self.last_leftover = None if leftover is None else (np.array(instrument, dtype=np.intp), leftover_columns)
@@ -305,14 +309,22 @@ class VoltageProblem:
         found *= np.where(self.weight[:, None, None] > 0, 1 / self.evidence.noise_v, 0.0)
         return self.evidence.discounted(found)
 
+    def _instrument_columns(
+        self, layout: _Layout, x: Array, which: Sequence[int], with_leftover: bool
+    ) -> tuple[Array, Array]:
+        """Columns (T,P,n) of the scans, and (m,n) of the leftover, by numbers ``which`` that act on readings alone."""
+        moved = [self._skin(layout, layout.moved(k, x)) for k in which]
+        scan, beyond = self.acquisition.derivatives(self._skin(layout, x), moved, with_leftover)
+        step = np.array([layout.step(k, x) for k in which])
+        scan = np.where(self.weight[:, None, None] > 0, scan / self.evidence.noise_v / step, 0.0)
+        return self.evidence.discounted(scan), beyond.reshape(-1, beyond.shape[-1]) / step[: beyond.shape[-1]]
+
     def _fill_specimen(self, layout: _Layout, x: Array, which: Sequence[int], base: Array, columns: Array) -> None:
         """The specimen's columns (S,n) by the numbers ``which``, about its residuals ``base`` (S,)."""
         if self.specimen is None:
             return
         for k in which:
-            moved = x.copy()
-            moved[k] += layout.step(k, x)
-            stepped = self.specimen.residual(self._skin(layout, moved))
+            stepped = self.specimen.residual(self._skin(layout, layout.moved(k, x)))
             columns[:, k] = (base - stepped) / layout.step(k, x)
 
     def _fill_fields(self, layout: _Layout, skin: Skin, columns: NDArray[np.float32]) -> None:
@@ -428,8 +440,8 @@ class _Layout:
 
     @property
     def parameters(self) -> list[int]:
-        """The numbers that are parameters of effects."""
-        return list(self._named)
+        """The numbers that are parameters of effects, those of the instrument first."""
+        return sorted(self._named, key=lambda k: not self.is_instrument(k))
 
     @property
     def fields(self) -> list[tuple[int, slice]]:
@@ -452,6 +464,17 @@ class _Layout:
         known = term.effect.known(key)
         size = 0.02 * known.typical
         return size if x[index] + size <= known.high else -size
+
+    def moved(self, index: int, x: Array) -> Array:
+        """The numbers with one moved by its step."""
+        moved = x.copy()
+        moved[index] += self.step(index, x)
+        return moved
+
+    def on_readings_alone(self, index: int) -> bool:
+        """Whether the number belongs to an effect that leaves the network as it is."""
+        effect = self._named[index][0].effect if index in self._named else None
+        return effect is not None and effect.stage == Stage.ACQUISITION and isinstance(effect, AcquisitionEffect)
 
     def bounds(self, x: Array) -> tuple[Array, Array]:
         low, high = np.full(len(x), -np.inf), np.full(len(x), np.inf)

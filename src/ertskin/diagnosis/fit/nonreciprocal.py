@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from functools import cached_property, reduce
 
 import numpy as np
@@ -12,7 +12,7 @@ from ertskin.diagnosis.linear.linear_skin import LinearSkin, motions
 from ertskin.diagnosis.recording.evidence import Evidence
 from ertskin.physics.effects.effect import AcquisitionEffect, Effect, shown_by
 from ertskin.physics.effects.hypothesis import Signal
-from ertskin.physics.skin import Skin, lagrange_weights
+from ertskin.physics.skin import Skin, moments_of
 
 Array = NDArray[np.float64]
 
@@ -62,6 +62,37 @@ class AcquisitionSignal:
         readings = (scans @ protocol.orthonormal.T).reshape(-1, *protocol.shape)
         change = reduce(lambda done, effect: effect.distorted_v(done, protocol), effects, readings) - readings
         return np.asarray(scans + change.reshape(len(scans), -1) @ protocol.orthonormal)
+
+    def derivatives(self, skin: Skin, moved: Sequence[Skin], leftover: bool) -> tuple[Array, Array]:
+        """What ``moved`` skins (c of them), whose networks are the skin's, change of its scans, (T,P,c) in volt, and of
+        what no network explains, (n,K*M,c) in units of the noise; none of the latter unless ``leftover``."""
+        protocol, basis = self.evidence.protocol, self.evidence.protocol.orthonormal
+        scans = self.linear.scans(skin)
+        found = np.zeros((*scans.shape, len(moved)))
+        for first in range(0, len(scans), CHUNK):
+            part = slice(first, first + CHUNK)
+            readings = (scans[part] @ basis.T).reshape(-1, *protocol.shape)
+            for k, change in enumerate(self._changes(readings, skin, moved)):
+                met = np.flatnonzero(change.any(axis=0))
+                found[part, :, k] = change[:, met] @ basis[met]
+        beyond = np.zeros((len(self.rows), basis.shape[0], len(moved) if leftover else 0))
+        if leftover:
+            taken = self.evidence.leftover_v[self.rows].reshape(beyond.shape[:2]) != 0
+            for k, change in enumerate(self._changes(self.readings(skin), skin, moved)):
+                beyond[..., k] = np.where(taken, self._unexplained(change) / self.evidence.leftover_noise_v, 0.0)
+        return found, beyond
+
+    def _changes(self, readings: Array, skin: Skin, moved: Sequence[Skin]) -> Iterator[Array]:
+        """(n,K*M) what the instrument of each of the ``moved`` skins makes of a network's readings (n,K,M), less what
+        the skin's own makes of them."""
+
+        def read(by: Skin) -> Array:
+            acting = instruments(by.effects)
+            return reduce(lambda done, effect: effect.distorted_v(done, self.evidence.protocol), acting, readings)
+
+        own = read(skin)
+        for other in moved:
+            yield (read(other) - own).reshape(len(readings), -1)
 
     def on_columns(self, skin: Skin) -> Array | None:
         """(P,P) what the instrument makes of a change of whitened scans, None where it leaves them alone.
@@ -125,8 +156,7 @@ class AcquisitionSignal:
         shape = (len(self.rows), *protocol.shape)
         if not skew or protocol.injection_offset_s is None:
             return (linear.still_scans(skin, linear.force_n)[self.rows] @ basis.T).reshape(shape)
-        moments, _ = linear.skew_mixing
-        weights = lagrange_weights(moments, np.asarray(protocol.injection_offset_s))
+        moments, weights = moments_of(skew[0], protocol)
         still = linear.skewed(skin, skew[0], linear.force_n, moments)
         parts = (weights[:, s, None] * (still[s][self.rows] @ basis.T).reshape(shape) for s in range(len(moments)))
         return reduce(np.add, parts)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import cast
 
 import numpy as np
@@ -127,7 +127,7 @@ def fit_force(
 def _with_values(effects: Sequence[ForceEffect], x: Array) -> tuple[ForceEffect, ...]:
     """The effects with their free parameters set to ``x`` (P,), in their order."""
     values = iter(map(float, x))
-    return tuple(replace(effect, **{key: next(values) for key in free_parameters(effect)}) for effect in effects)
+    return tuple(effect.changed({key: next(values) for key in free_parameters(effect)}) for effect in effects)
 
 
 def _stiffness_n_per_m(data: ForceData, used: NDArray[np.bool_]) -> float:

@@ -34,10 +34,18 @@ from ertskin.diagnosis.linear.sensitivity import Hats, PadRims, model_elements, 
 from ertskin.diagnosis.linear.sheet_state import SheetState, displaced, pad_shifts
 from ertskin.physics.conduction.mesh import Grading
 from ertskin.physics.conduction.sheet import Resolution, SheetModel, Solution
-from ertskin.physics.effects.effect import Effect, FoamEffect, MotionEffect, PiezoEffect, PlacementEffect, SheetEffect
+from ertskin.physics.effects.effect import (
+    Effect,
+    FoamEffect,
+    MotionEffect,
+    PiezoEffect,
+    PlacementEffect,
+    SheetEffect,
+    Stage,
+)
 from ertskin.physics.effects.piezo_chain import felt
 from ertskin.physics.history import History
-from ertskin.physics.skin import SKEW_NODES, TAIL, Skin, frames_since, lagrange_weights
+from ertskin.physics.skin import TAIL, Skin, frames_since, moments_of
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -86,6 +94,25 @@ def _of_fabric(skin: Skin) -> tuple[object, ...]:
     return skin.piezo.coefficients.tobytes(), skin.piezo.max_stress_pa, memories
 
 
+def _same_network(one: Skin, other: Skin | None) -> bool:
+    """Whether two skins differ by what acts on their readings alone."""
+    if one is other:
+        return True
+    return (
+        other is not None
+        and one.pressure is other.pressure
+        and one.piezo.zero_ohm_sq == other.piezo.zero_ohm_sq
+        and _of_network(one) == _of_network(other)
+        and _of_fabric(one) == _of_fabric(other)
+        and np.array_equal(one.contact_resistance_ohm, other.contact_resistance_ohm)
+    )
+
+
+def _of_network(skin: Skin) -> tuple[Effect, ...]:
+    """The effects on what is read."""
+    return tuple(e for e in skin.effects if e.stage != Stage.ACQUISITION or isinstance(e, MotionEffect))
+
+
 class LinearSkin:
     """Whitened scans of a history for any calibration and effects near those of ``skin``.
 
@@ -115,6 +142,7 @@ class LinearSkin:
         self._latest_broad: tuple[object, list[Array] | None] = (None, None)
         self._still: tuple[Skin, Array, Array] | None = None
         self._moving: tuple[Skin, Array, list[Array]] | None = None
+        self._mixing: dict[bool, tuple[Array, list[Array]]] = {}
         self._moved: tuple[tuple[object, ...], Array, list[Array]] | None = None
         self._rims = PadRims(skin.sheet)
         self._points = skin.sheet.quadrature_m.reshape(-1, 2)
@@ -358,35 +386,33 @@ class LinearSkin:
         skew = motions(skin.effects)
         if not skew or self.protocol.injection_offset_s is None:
             return self.still_scans(skin, force)
-        moments, mixing = self.skew_mixing
+        moments, mixing = self.skew_mixing(skew[0])
         return sum(still @ mix.T for still, mix in zip(self.skewed(skin, skew[0], force, moments), mixing, strict=True))  # type: ignore[return-value]
 
     def skewed(self, skin: Skin, skew: MotionEffect, force_n: Array, moments: Array) -> list[Array]:
         """Whitened scans (n,P) the skin would give standing still at each of the moments (S,) of its motion."""
-        if self._moving is None or self._moving[0] is not skin or self._moving[1] is not force_n:
+        if self._moving is None or not _same_network(skin, self._moving[0]) or self._moving[1] is not force_n:
             forces = self._moved_forces(skin, skew, force_n, moments)
             about = self._moments if self._moments else [self] * len(forces)
             found = [linear.still_scans(skin, force) for linear, force in zip(about, forces, strict=True)]
             self._moving = skin, force_n, found
         return self._moving[2]
 
-    @cached_property
-    def skew_mixing(self) -> tuple[Array, list[Array]]:
+    def skew_mixing(self, skew: MotionEffect) -> tuple[Array, list[Array]]:
         """Moments (S,) of a scan and, for each, the (P,P) part it has in the scan's reciprocal coordinates."""
-        offset = np.asarray(self.protocol.injection_offset_s)
-        moments = np.linspace(offset.min(), offset.max(), SKEW_NODES)
-        weights = lagrange_weights(moments, offset)
-        basis = self.protocol.orthonormal
-        readings = self.protocol.shape[1]
-        mixing = [basis.T @ (np.repeat(weights[:, s], readings)[:, None] * basis) for s in range(SKEW_NODES)]
-        return moments, mixing
+        if skew.straight not in self._mixing:
+            moments, weights = moments_of(skew, self.protocol)
+            basis, readings = self.protocol.orthonormal, self.protocol.shape[1]
+            mixing = [basis.T @ (np.repeat(each, readings)[:, None] * basis) for each in weights.T]
+            self._mixing[skew.straight] = moments, mixing
+        return self._mixing[skew.straight]
 
     def _at_moments(self, progress: Progress | None) -> list[LinearSkin]:
         """Where the presses move during a scan, the skin linearised about each of the moments that scan is made of."""
         skew = motions(self.skin.effects)
         if not skew or self.protocol.injection_offset_s is None:
             return []
-        moments, _ = self.skew_mixing
+        moments, _ = self.skew_mixing(skew[0])
         # The mesh is that of the pads as they lie already.
         still = replace(self.skin, effects=tuple(e for e in self.skin.effects if not isinstance(e, MotionEffect)))
         forces = self._moved_forces(self.skin, skew[0], self.force_n, moments)
@@ -409,7 +435,7 @@ class LinearSkin:
 
     def still_scans(self, skin: Skin, force_n: Array) -> Array:
         """(n,P) whitened scans, every scan taken in an instant; the latest are remembered."""
-        if self._still is None or self._still[0] is not skin or self._still[1] is not force_n:
+        if self._still is None or not _same_network(skin, self._still[0]) or self._still[1] is not force_n:
             self._still = skin, force_n, self._still_scans(skin, force_n)
         return self._still[2]
 
@@ -442,7 +468,7 @@ class LinearSkin:
         skew = motions(skin.effects)
         if not skew or self.protocol.injection_offset_s is None:
             return self._still_law_columns(skin, self.force_n, count)
-        moments, mixing = self.skew_mixing
+        moments, mixing = self.skew_mixing(skew[0])
         forces = self._moved_forces(skin, skew[0], self.force_n, moments)
         about = self._moments if self._moments else [self] * len(forces)
         parts = (
@@ -577,7 +603,7 @@ class LinearSkin:
         skew = motions(skin.effects)
         moments: list[tuple[LinearSkin, Array]] = [(self, self.force_n)]
         if skew and self.protocol.injection_offset_s is not None:
-            forces = self._moved_forces(skin, skew[0], self.force_n, self.skew_mixing[0])
+            forces = self._moved_forces(skin, skew[0], self.force_n, self.skew_mixing(skew[0])[0])
             moments = list(zip(self._moments if self._moments else [self] * len(forces), forces, strict=True))
         wide = [None if broad is None else linear.sheet_changes(broad) for linear, _ in moments]
 
@@ -592,7 +618,7 @@ class LinearSkin:
                 return rows, still(0, number)
             parts = (
                 np.tensordot(still(moment, number), mix.astype(np.float32), ([1], [1]))
-                for moment, mix in enumerate(self.skew_mixing[1])
+                for moment, mix in enumerate(self.skew_mixing(skew[0])[1])
             )
             return rows, sum(parts).transpose(0, 2, 1)  # type: ignore[union-attr]
 

@@ -12,7 +12,16 @@ from ertskin.diagnosis.fit.nonreciprocal import AcquisitionSignal
 from ertskin.diagnosis.linear.linear_skin import LinearSkin
 from ertskin.diagnosis.recording.evidence import Evidence
 from ertskin.physics.effects.contact_drift import ContactDrift
-from ertskin.physics.effects.effect import Effect, FoamEffect, SheetEffect, shown_by
+from ertskin.physics.effects.crosstalk import Crosstalk
+from ertskin.physics.effects.effect import (
+    AcquisitionEffect,
+    Effect,
+    FoamEffect,
+    MotionEffect,
+    SheetEffect,
+    Stage,
+    shown_by,
+)
 from ertskin.physics.effects.hypothesis import Measured, Signal
 from ertskin.physics.effects.registry import effect_classes
 from ertskin.physics.effects.self_heating import SelfHeating
@@ -52,7 +61,12 @@ def examples(kind: type[Effect]) -> list[Effect]:
     known = kind.parameters()
     # Of every set of numbers that are free together.
     some = [s for k, s in enumerate(starts) if k < EXAMPLES or s.free not in {t.free for t in starts[:k]}]
-    return [s.effect.changed({key: known[key].typical for key in s.along}) for s in some]
+    found = [s.effect.changed({key: known[key].typical for key in s.along}) for s in some]
+    return [*found, replace(found[0], straight=True)] if isinstance(found[0], MotionEffect) else found
+
+
+def every_example() -> list[Effect]:
+    return [effect for kind in effect_classes().values() for effect in examples(kind)]
 
 
 def evidence_of(skin: Skin, history: History) -> Evidence:
@@ -101,11 +115,36 @@ def held(skin: Skin, linear: LinearSkin, effect: Effect, within: float) -> None:
 
 @pytest.mark.parametrize(
     "effect",
-    [e for kind in effect_classes().values() for e in examples(kind)],
+    every_example(),
     ids=lambda e: e.name,
 )
 def test_an_effect_changes_both_alike(skin: Skin, linear: LinearSkin, effect: Effect) -> None:
     held(skin, linear, effect, WITHIN)
+
+
+@pytest.mark.parametrize(
+    "effect",
+    [e for e in every_example() if isinstance(e, AcquisitionEffect) and e.stage == Stage.ACQUISITION],
+    ids=lambda e: e.name,
+)
+def test_what_acts_on_readings_alone_has_its_derivatives_by_readings(
+    skin: Skin, linear: LinearSkin, effect: AcquisitionEffect
+) -> None:
+    others = (ContactDrift(2, (0.0, 40.0), (0.0, 20.0)), Crosstalk(fraction=0.01, channel=3))
+    begun = replace(skin, effects=(*others, effect))
+    more = {key: effect.value(key) + known.typical for key, known in effect.parameters().items() if known.defining}
+    moved = replace(skin, effects=(*others, effect.changed(more)))
+    known = replace(evidence_of(skin, linear.history), leftover_v=np.ones((len(linear.history), *SCAN.shape)))
+    signal = AcquisitionSignal(known, linear, np.arange(0, len(linear.history), 2))
+    scans, beyond = signal.derivatives(begun, [moved, begun], leftover=True)
+    expected = signal.scans(moved) - signal.scans(begun)
+    assert np.abs(expected).max() > 0
+    np.testing.assert_allclose(scans[..., 0], expected, atol=0.02 * np.abs(expected).max())
+    expected = signal.residual(begun) - signal.residual(moved)
+    np.testing.assert_allclose(beyond[..., 0], expected, atol=1e-6 * np.abs(expected).max())
+    assert not scans[..., 1].any()
+    assert not beyond[..., 1].any()
+    assert signal.derivatives(begun, [moved], leftover=False)[1].size == 0
 
 
 @pytest.mark.parametrize("others", [(), (SelfHeating(crowded_rise=-0.03, lasts_s=12.0),)], ids=["cold", "as warm"])
