@@ -504,8 +504,9 @@ class _Layout:
 def held_out(solved: Solved, partitions: Sequence[Sequence[int]]) -> Array:
     """(len(partitions),) half chi-square of each held-out set of cells after one Newton step on all the others.
 
-    A term that such a step would take beyond ``REACH`` is one that the other cells don't tell (a spot that one press
-    alone has met): they are taken to say that it isn't there.
+    None is foretold better than it is fitted: a step promises too much where the fit has not come to rest. A term that
+    such a step would take beyond ``REACH`` is one that the other cells don't tell (a spot that one press alone has met):
+    they are taken to say that it isn't there.
     """
     quadratic = solved.fit.quadratic
     cells = np.arange(len(quadratic.cost))
@@ -519,7 +520,7 @@ def held_out(solved: Solved, partitions: Sequence[Sequence[int]]) -> Array:
         step = _step(hessian, gradient, numbers)
         for cell in out:
             change = -quadratic.gradient[cell] @ step + 0.5 * step @ quadratic.hessian[cell] @ step
-            result[k] += max(quadratic.cost[cell] + change, 0.0)
+            result[k] += quadratic.cost[cell] + max(change, 0.0)
     return result
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -190,7 +191,9 @@ class _Search:
         found = screen(problem, current, self.partitions)
         left = form_error(problem, current, self.partitions, current.effects).gain
         least = worth_a_name(problem, current)
-        trials = trials_of(problem, current, found, self.partitions, left)
+        trials = trials_of(
+            problem, current, found, self.partitions, left, partial(_settled_solution, self.build, problem)
+        )
         entered = _first_to_hold(self.build, incumbent, [t for t in trials if t.gain >= least], self.partitions)
         if entered is not None:
             entered = _of_few_numbers(self.build, incumbent, entered, trials, self.partitions)
@@ -341,8 +344,8 @@ def _of_few_numbers(
     trials: Sequence[Trial],
     partitions: Sequence[Sequence[int]],
 ) -> tuple[Trial, CheckedFit]:
-    """A trial of few numbers in place of the smooth field that ``entered``, where it gains most of that and the field
-    explains what it leaves at less expense than everything.
+    """A trial of few numbers in place of the smooth field that ``entered``, where it gains most of that and of the two
+    together it is the one that is missed more.
 
     Any sharp cause looks like a field that is sharp there: a pad out of place like a hill under it.
     """
@@ -364,8 +367,8 @@ def _of_few_numbers(
         alone = field_fit.problem.solve(
             field_fit.solved.terms, field_fit.solved.calibration, steps=1, leftover=both.leftover
         )
-        likelier = unlikely(alone) - unlikely(both)
-        if likelier > criteria.significant_gain:
+        likelier, of_field = unlikely(alone) - unlikely(both), unlikely(begun) - unlikely(both)
+        if likelier > max(criteria.significant_gain, of_field):
             return replace(trial, gain=field.gain + likelier), simpler
     return entered
 
@@ -380,6 +383,12 @@ def _where_it_settles(build: Problem, problem: VoltageProblem | None, solved: So
         return settled(build, solved)
     except (MeshError, np.linalg.LinAlgError):
         return None
+
+
+def _settled_solution(build: Problem, problem: VoltageProblem, solved: Solved) -> Solved | None:
+    """A fit of the ``problem`` where it comes to rest."""
+    fit = _where_it_settles(build, problem, solved)
+    return None if fit is None else fit.solved
 
 
 def _key(term: Term) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -29,6 +29,12 @@ SHARES = 1.0, 0.3, 0.1
 """Of a candidate's size, at which it is begun."""
 
 
+FULFILLED = 0.5
+"""Part of what the first candidate is expected to gain that its fit must, or it is fitted again where it settles."""
+
+Settle = Callable[[Solved], Solved | None]
+
+
 @dataclass(frozen=True, eq=False)
 class Trial:
     """A candidate fitted beside the terms at hand, and the half chi-square that it gains held out."""
@@ -44,20 +50,45 @@ def trials_of(
     found: Sequence[Candidate],
     partitions: Sequence[Sequence[int]],
     left: float,
+    settle: Settle = lambda solved: None,
 ) -> list[Trial]:
     """The likeliest candidates of those ``found``, fitted, best first.
 
     A further name gains what it gains beyond the form error of the terms at hand, which itself would gain ``left``.
+    ``settle`` linearises about a fit that has gone far: the first candidate is judged there where it does not gain
+    what was expected of it.
     """
     least = worth_a_name(problem, current)
     trials: list[Trial] = []
     present = {term.name for term in current.terms}
     for listed in _worth_trying(found, present, least, problem.evidence.criteria):
-        fitted = _try(problem, current, _different(listed), partitions, left)
+        candidates = _different(listed)
+        fitted = _try(problem, current, candidates, partitions, left)
+        if candidates and candidates[0].gain > least:
+            fitted = _where_first_settles(current, candidates[0], fitted, partitions, problem.evidence.criteria, settle)
         trials = _in_order([*trials, *fitted], current)
         if trials and trials[0].gain >= least:
             break
     return trials
+
+
+def _where_first_settles(
+    current: Solved,
+    first: Candidate,
+    fitted: list[Trial],
+    partitions: Sequence[Sequence[int]],
+    criteria: Criteria,
+    settle: Settle,
+) -> list[Trial]:
+    """The trials, that of the first candidate where it settles: a contact that lands millimetres off is far from where
+    the skin is linearised, and what is fitted there is fitted to another skin."""
+    own = next((t for t in fitted if t.term.name == first.name and form_of(t.term) == form_of(first.term)), None)
+    if own is None or first.term.modes is not None or own.gain >= FULFILLED * first.gain:
+        return fitted
+    solved = settle(own.solved)
+    if solved is None or (gain := gained(current, solved, partitions, criteria)) <= own.gain:
+        return fitted
+    return [Trial(solved.terms[-1], gain, solved) if trial is own else trial for trial in fitted]
 
 
 def worth_a_name(problem: VoltageProblem, current: Solved) -> float:
