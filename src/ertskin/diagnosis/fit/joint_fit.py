@@ -504,9 +504,9 @@ class _Layout:
 def held_out(solved: Solved, partitions: Sequence[Sequence[int]]) -> Array:
     """(len(partitions),) half chi-square of each held-out set of cells after one Newton step on all the others.
 
-    None is foretold better than it is fitted: a step promises too much where the fit has not come to rest. A term that
-    such a step would take beyond ``REACH`` is one that the other cells don't tell (a spot that one press alone has met):
-    they are taken to say that it isn't there.
+    None is foretold better than it is fitted: a step promises too much where the fit has not come to rest. Where such a
+    step would take a term beyond ``REACH``, the other cells don't tell it (a spot that one press alone has met): as far
+    as they don't, it is taken not to be there.
     """
     quadratic = solved.fit.quadratic
     cells = np.arange(len(quadratic.cost))
@@ -553,9 +553,11 @@ def _numbers(solved: Solved) -> list[_Numbers]:
 
 
 def _step(hessian: Array, gradient: Array, terms: Sequence[_Numbers]) -> Array:
-    """The Newton step, with terms that would go beyond their reach taken away instead."""
+    """The Newton step. Terms that would go beyond their reach are expected to be absent, within that reach; what goes
+    there even so is taken away."""
+    expected: list[_Numbers] = []
     held: list[_Numbers] = []
-    step = np.zeros(len(gradient))
+    step, hessian, gradient = np.zeros(len(gradient)), hessian.copy(), gradient.copy()
     while True:
         free = np.ones(len(step), dtype=bool)
         for term in held:
@@ -567,4 +569,9 @@ def _step(hessian: Array, gradient: Array, terms: Sequence[_Numbers]) -> Array:
         wild = [t for t in terms if t not in held and (np.abs(step[t.index]) > t.reach).any()]
         if not wild:
             return step
-        held += wild
+        held += [term for term in wild if term in expected]
+        for term in wild:
+            if term not in expected:
+                hessian[term.index, term.index] += term.reach**-2
+                gradient[term.index] += term.away * term.reach**-2
+                expected.append(term)
