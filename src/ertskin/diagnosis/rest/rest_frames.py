@@ -68,7 +68,8 @@ def rested(skin: Skin, evidence: Evidence) -> Rested:
     scans = evidence.scan_v[good]
     first, columns, _ = fitted_at_rest(skin, scans.mean(axis=0))
     # What one number explains isn't left for a contact each and places that recover.
-    scans = scans - warmth_at_rest(first, evidence, good, scans - scans.mean(axis=0), columns[:, -1])
+    warmth, doubt = warmth_at_rest(first, evidence, good, scans - scans.mean(axis=0), columns[:, -1])
+    scans = scans - warmth
     every = imprints(first, evidence.history)
     traces = _needed(every[good], scans - scans.mean(axis=0), columns, evidence.noise_v)
     mean = _undisturbed_mean(scans, columns, traces)
@@ -79,7 +80,7 @@ def rested(skin: Skin, evidence: Evidence) -> Rested:
     time_s, contacts = evidence.history.time_s[good], skin.contact_resistance_ohm
     run = np.cumsum(~evidence.rest, dtype=np.intp)[good]
     criteria = evidence.criteria
-    drift = _contact_drift(scans - mean, time_s, run, evidence.noise_v, columns, traces, contacts, criteria)
+    drift = _contact_drift(scans - mean, time_s, run, evidence.noise_v, columns, traces, contacts, criteria, doubt)
     noise = _scatter(clean, run, columns, evidence.noise_v, criteria)
     return Rested(skin, mean, mean_noise_v, misfit, drift, noise, every[..., : traces.shape[2]])
 
@@ -287,8 +288,10 @@ def _contact_drift(
     traces: Array,
     contacts: Array,
     criteria: Criteria,
+    doubt: float = 0.0,
 ) -> tuple[Effect, ...]:
-    """What each contact did over the recording, from its rest frames, where they wander beyond the noise.
+    """What each contact did over the recording, from its rest frames, where they wander beyond the noise and beyond
+    the chi-square in ``doubt``, which something else's error may make.
 
     ``run`` (R,) numbers the rest frames' runs between presses. A contact that is another one in every run has no path
     that pressed frames could differ from: that is noise. Of fewer than five runs nothing tells the two apart, and a
@@ -308,7 +311,7 @@ def _contact_drift(
     drift, knots = measured_as(Measured.CONTACT_PATH)(), tuple(time_s.tolist())
     paths = {
         k: _smoothed(moved[:, k], error[:, k])
-        for k in wandering(rest, designs, traces.any(axis=1).sum(axis=1).tolist(), restless)
+        for k in wandering(rest, designs, traces.any(axis=1).sum(axis=1).tolist(), restless, doubt)
         if wanders(*_by_run(moved[:, k], error[:, k], run), criteria)
     }
     return tuple(
@@ -319,13 +322,15 @@ def _contact_drift(
     )
 
 
-def wandering(change: Array, designs: Sequence[Array], taken: Sequence[int], restless: list[int]) -> list[int]:
+def wandering(
+    change: Array, designs: Sequence[Array], taken: Sequence[int], restless: list[int], doubt: float = 0.0
+) -> list[int]:
     """Which of the ``restless`` contacts explain the rest frames' changes (R,P), in units of the noise.
 
     ``designs`` (R of (P,L+1)): each contact's column and, last, the whole sheet's; ``taken`` degrees of freedom gone
     before. All of them where together they leave no more than chance would, few where those leave little; else
     something other than contacts changed, which many of them would share out among themselves, and only those count
-    that explain much alone.
+    that explain much alone. None where less than ``doubt`` has changed.
     """
 
     def excess(chosen: list[int]) -> float:
@@ -336,7 +341,7 @@ def wandering(change: Array, designs: Sequence[Array], taken: Sequence[int], res
         return total
 
     before = excess([])
-    if not restless or before <= 0:
+    if not restless or before <= doubt:
         return []
     alone = {k: before - excess([k]) for k in restless}
     chance = SURELY * np.sqrt(2 * (change.size - sum(taken)))

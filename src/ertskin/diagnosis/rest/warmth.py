@@ -26,9 +26,12 @@ SURELY = 3.0
 """Standard deviations of chance above which anything changes."""
 
 
-def warmth_at_rest(skin: Skin, evidence: Evidence, rows: NDArray[np.bool_], change_v: Array, whole: Array) -> Array:
+def warmth_at_rest(
+    skin: Skin, evidence: Evidence, rows: NDArray[np.bool_], change_v: Array, whole: Array
+) -> tuple[Array, float]:
     """(R,P) the part of the changes (R,P) of the rest frames ``rows`` (T,) that warmth explains, if it explains most of
-    them, those too that the ``whole`` sheet (P,) alike doesn't make; else noughts."""
+    them, those too that the ``whole`` sheet (P,) alike doesn't make; else noughts. And chi-square that the error of its
+    form may leave of them."""
     level = whole / np.linalg.norm(whole)
 
     def excess(part: Array) -> Array:
@@ -40,11 +43,13 @@ def warmth_at_rest(skin: Skin, evidence: Evidence, rows: NDArray[np.bool_], chan
 
     nothing, before, chance = np.zeros_like(change_v), excess(change_v), SURELY * np.sqrt(2 * change_v.size)
     if before[1] < chance:
-        return nothing
+        return nothing, 0.0
     scans = _heated_scans(skin, evidence, rows)
-    explained = [_fitted(start, scans, change_v, evidence.noise_v) for start in _starts(evidence)]
-    best = min(explained, key=lambda part: float(excess(change_v - part)[0]), default=nothing)
-    return best if (excess(change_v - best) < np.maximum(UNEXPLAINED * before, chance)).all() else nothing
+    explained = [(_fitted(s, scans, change_v, evidence.noise_v), s.effect.form_error) for s in _starts(evidence)]
+    best, error = min(explained, key=lambda found: float(excess(change_v - found[0])[0]), default=(nothing, 0.0))
+    if (excess(change_v - best) > np.maximum(UNEXPLAINED * before, chance)).any():
+        return nothing, 0.0
+    return best, float(((error * best) ** 2).sum()) / evidence.noise_v**2
 
 
 def _starts(evidence: Evidence) -> Iterator[Start]:

@@ -43,12 +43,12 @@ def columns_and_traces(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray
     return columns, traces
 
 
-def who(change: np.ndarray, columns: np.ndarray, traces: np.ndarray) -> list[int]:
+def who(change: np.ndarray, columns: np.ndarray, traces: np.ndarray, doubt: float = 0.0) -> list[int]:
     """The contacts found to wander in the changes, in units of the noise."""
     free = [trace @ trace.T for trace in traces]
     rest = np.stack([c - p @ c for c, p in zip(change, free, strict=True)])
     taken = traces.any(axis=1).sum(axis=1).tolist()
-    return wandering(rest, [columns - p @ columns for p in free], taken, list(range(CONTACTS)))
+    return wandering(rest, [columns - p @ columns for p in free], taken, list(range(CONTACTS)), doubt)
 
 
 def test_contacts_that_wander_are_distinguished_from_places_that_creep() -> None:
@@ -57,6 +57,9 @@ def test_contacts_that_wander_are_distinguished_from_places_that_creep() -> None
     noise = rng.standard_normal((FRAMES, NUMBERS))
     walk = np.cumsum(rng.standard_normal((FRAMES, CONTACTS)), axis=0)
     assert who(noise + walk @ columns[:, :CONTACTS].T, columns, traces) == list(range(CONTACTS))
+    # What something else's error may make is no contact's.
+    changed = float(((walk @ columns[:, :CONTACTS].T) ** 2).sum())
+    assert who(noise + walk @ columns[:, :CONTACTS].T, columns, traces, 2 * changed) == []
     creeping = noise + np.einsum("rpm,rm->rp", traces, 20 * rng.standard_normal((FRAMES, 3)))
     assert who(creeping, columns, traces) == []
 

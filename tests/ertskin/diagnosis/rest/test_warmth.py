@@ -50,12 +50,16 @@ def at_rest(skin: Skin, *effects: Effect) -> tuple[Any, np.ndarray, np.ndarray]:
 
 def test_it_takes_what_warmth_did_and_leaves_the_noise(skin: Skin) -> None:
     evidence, change, whole = at_rest(skin, SelfHeating(crowded_rise=-0.01, lasts_s=12.0))
-    left = change - warmth_at_rest(skin, evidence, RESTS, change, whole)
+    warmth, doubt = warmth_at_rest(skin, evidence, RESTS, change, whole)
+    left = change - warmth
     assert np.sqrt((change**2).mean()) > 3 * NOISE_V
     assert np.sqrt((left**2).mean()) == pytest.approx(NOISE_V, rel=0.1)
+    assert doubt == pytest.approx(SelfHeating.form_error**2 * (warmth**2).sum() / NOISE_V**2)
 
 
 @pytest.mark.parametrize("others", [(), (TemperatureDrift(rate_per_h=-1.0),)], ids=["noise", "an even drift"])
 def test_it_takes_nothing_where_nothing_warms_unevenly(skin: Skin, others: tuple[Effect, ...]) -> None:
     evidence, change, whole = at_rest(skin, *others)
-    assert not warmth_at_rest(skin, evidence, RESTS, change, whole).any()
+    warmth, doubt = warmth_at_rest(skin, evidence, RESTS, change, whole)
+    assert not warmth.any()
+    assert doubt == 0.0
