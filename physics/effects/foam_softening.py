@@ -10,6 +10,7 @@ from numba import njit
 
 from ertskin.physics.effects.effect import Array, FoamEffect, Start, Strokes, parameter
 from ertskin.physics.effects.hypothesis import Axis, Hypothesis, Need, Signal
+from ertskin.physics.effects.standard import STEPS, Standard
 
 
 @dataclass(frozen=True)
@@ -53,6 +54,12 @@ class FoamSoftening(FoamEffect):
             self.rejoin,
         )
         return np.asarray(force_n * factor)
+
+    def quantities(self, standard: Standard) -> dict[str, float]:
+        """Part of the force at the deepest press that is gone in the third press of a place."""
+        strokes = standard.pressed_again(3)
+        force = self.reaction_n(np.ones(len(strokes.sink_m)), strokes)
+        return {"softened_third_press": float(1 - force[-STEPS] / force[STEPS - 1])}
 
     @classmethod
     def force_starts(cls) -> tuple[Start, ...]:

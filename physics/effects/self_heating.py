@@ -10,8 +10,11 @@ import numpy as np
 from ertskin.physics.conduction.dissipation import heat_at
 from ertskin.physics.effects.effect import AcquisitionEffect, Array, SheetEffect, Stage, Start, parameter
 from ertskin.physics.effects.hypothesis import Axis, Hypothesis, Need, Signal
+from ertskin.physics.effects.standard import Standard
 from ertskin.physics.protocol import Protocol
 from ertskin.physics.sensor import Sensor
+
+WARMED_S = 300.0
 
 
 @dataclass(frozen=True)
@@ -94,6 +97,13 @@ class SelfHeating(SheetEffect, AcquisitionEffect):
         for t in range(1, len(warm)):
             warm[t] += kept[t - 1] * warm[t - 1]
         return warm
+
+    def quantities(self, standard: Standard) -> dict[str, float]:
+        """What 300 s of scans at their usual pace make of a cold sheet's resistance, mean over the sheet; none where
+        nothing stays from scan to scan."""
+        if self.crowded_rise == 0.0:
+            return {}
+        return {"warmed_300_s": -float(self.crowded_rise * np.expm1(-WARMED_S / self.lasts_s))}
 
     @classmethod
     def reading_starts(cls, sensor: Sensor, protocol: Protocol) -> tuple[Start, ...]:

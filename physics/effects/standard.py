@@ -55,3 +55,11 @@ class Standard:
         sink_m, one = share * self.deepest_m, np.ones(len(share))
         still = np.zeros(len(share), dtype=np.intp)
         return Strokes(sink_m, sink_m, time_s, one > 0, still, still.astype(np.int64), self.foam_m)
+
+    def pressed_again(self, presses: int) -> Strokes:
+        """One place pressed in to the deepest press and let go so often, one after the other."""
+        down = np.linspace(0.0, self.deepest_m, STEPS)
+        sink_m = np.tile(np.concatenate([down, down[-2::-1]]), presses)
+        press = np.repeat(np.arange(presses), 2 * STEPS - 1)
+        still = np.zeros(len(sink_m), dtype=np.intp)
+        return Strokes(sink_m, sink_m, np.arange(len(sink_m), dtype=float), sink_m > 0, still, press, self.foam_m)

@@ -9,12 +9,14 @@ from ertskin.physics.effects.adc_saturation import AdcSaturation
 from ertskin.physics.effects.channel_gain import ChannelGain
 from ertskin.physics.effects.contact_pressure_dependence import ContactPressureDependence
 from ertskin.physics.effects.foam_hysteresis import FoamHysteresis
+from ertskin.physics.effects.foam_softening import FoamSoftening
 from ertskin.physics.effects.nonlinear_foam import NonlinearFoam
 from ertskin.physics.effects.piezo_creep import PiezoCreep
 from ertskin.physics.effects.piezo_hysteresis import PiezoHysteresis
 from ertskin.physics.effects.piezo_inhomogeneity import PiezoInhomogeneity
 from ertskin.physics.effects.registry import effect_classes
 from ertskin.physics.effects.scan_skew import ScanSkew
+from ertskin.physics.effects.self_heating import SelfHeating
 from ertskin.physics.effects.sheet_anisotropy import SheetAnisotropy
 from ertskin.physics.effects.sheet_inhomogeneity import SheetInhomogeneity
 from ertskin.physics.effects.standard import Standard
@@ -93,3 +95,15 @@ def test_sheet_electrodes_and_instrument() -> None:
         "limit_v": pytest.approx(3.0 / np.sqrt(3.0))
     }
     assert ScanSkew(speed_m_per_s=1e-4).quantities(standard())["share_of_step_in_scan"] == pytest.approx(0.25)
+
+
+def test_foam_softens_by_what_fades_of_its_excess_over_two_presses() -> None:
+    said = FoamSoftening(excess=0.2, kept=0.5, presses=2.0).quantities(standard())
+    assert said["softened_third_press"] == pytest.approx(1 - (1 + 0.2 * np.exp(-2 / 2.0)) / 1.2)
+
+
+def test_a_sheet_warms_as_its_time_constant_says() -> None:
+    said = SelfHeating(crowded_rise=-0.01, lasts_s=100.0).quantities(standard())
+    assert said["warmed_300_s"] == pytest.approx(-0.01 * (1 - np.exp(-3)))
+    # What is gone before the next scan has no such quantity.
+    assert SelfHeating(rise=0.01).quantities(standard()) == {}
