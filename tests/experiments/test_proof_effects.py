@@ -130,6 +130,22 @@ def test_a_sheet_that_warms_while_it_is_pressed_is_solved_as_it_is_then() -> Non
         np.testing.assert_allclose(transfer, whole[moment.frame], rtol=1e-6, atol=1e-6)
 
 
+@pytest.mark.parametrize("kind", FORMS["self_heating"], ids=lambda kind: kind.form)
+def test_scans_warm_the_sheet_by_what_is_left_of_their_heat(kind: type[Effect]) -> None:
+    skin, effect, none = small_skin(), kind(0.1), kind(0.0)
+    for one in (effect, none):
+        one.draw(skin, np.random.default_rng(3))
+    assert none.meaning(skin) == {"warmed_300_s": 0.0}
+    # Most of the plan's frames are half a second apart: 601 scans, and a grid of half millimetres for the area.
+    tau = np.array(effect.tau_s)  # type: ignore[attr-defined]
+    scans_hz = np.mean(-np.expm1(-601 * 0.5 / tau) / (-np.expm1(-0.5 / tau) * tau))
+    middle = 5e-4 * (np.arange(120) + 0.5)
+    grid = np.stack([a.ravel() for a in np.meshgrid(middle, middle)], axis=1)
+    expected = np.mean(np.exp(-0.1 * scans_hz * effect.heat(grid)) - 1.0)  # type: ignore[attr-defined]
+    assert effect.meaning(skin)["warmed_300_s"] == pytest.approx(expected, rel=5e-3)
+    assert -0.2 < expected < -0.15
+
+
 @pytest.mark.parametrize("kind", FORMS["electrode_displacement"], ids=lambda kind: kind.form)
 @pytest.mark.parametrize("shape", ["round16", "round32"])
 def test_an_electrode_of_the_rim_slides_as_a_whole_and_keeps_its_length(shape: str, kind: type[Effect]) -> None:

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from generator.foam import Pad
 from generator.layered import Layer, point_pressure, stiffness_n_per_m
-from generator.mechanics import BoucWenFoam, EnergyUnloadingFoam, FractionalFoam
+from generator.mechanics import BoucWenFoam, DamagedFoam, EnergyUnloadingFoam, FractionalFoam, OgdenRoxburghFoam
 from generator.memory import AdheringContacts, Ageing, ColemanHodgdon, Spectrum, fractional, quasilinear, stretched
 from scipy.special import erfcx, gamma
-from small_proof_skin import LAYERS
+from small_proof_skin import LAYERS, small_skin
 
 
 def test_deep_stack_is_boussinesq() -> None:
@@ -93,3 +93,30 @@ def test_foam_loses_work_over_a_cycle_at_any_speed(kind) -> None:  # type: ignor
     slow, fast = pressed(kind(0.2), way, 10.0), pressed(kind(0.2), way, 0.01)
     np.testing.assert_allclose(slow, fast)
     assert 0.02 < np.trapezoid(slow, way) / np.trapezoid(slow[:40], way[:40]) < 0.5
+
+
+def third_over_first(effect, row: int) -> float:  # type: ignore[no-untyped-def]
+    """Force of a pad in the third of three presses over the first, in a frame of the small skin's plan."""
+    pad = Pad(1000.0, 1e12, 0.004, [effect.foam()])
+    force = []
+    for _ in range(3):
+        pad.begin(np.zeros(2))
+        force.append([pad.advance(depth, 0.5)[0] for depth in (1.5e-3, 3e-3, 3e-3, 1.5e-3, 0.0)][row])
+    return float(force[2] / force[0])
+
+
+@pytest.mark.parametrize("size", [0.0, 0.1, 0.6])
+def test_work_softens_the_third_press_as_much_as_it_says(size: float) -> None:
+    # Two steps to 3 mm do the work of 6.75 mm2 times the stiffness; damage settles by 0.5 * (0.8 * 4 mm)2.
+    once = 6.75 / 5.12
+    lost = size * (np.exp(-once) - np.exp(-3 * once)) / (1.0 - size * -np.expm1(-once))
+    said = DamagedFoam(size).meaning(small_skin())["softened_third_press"]
+    assert said == pytest.approx(lost, abs=1e-12)
+    assert said == pytest.approx(1.0 - third_over_first(DamagedFoam(size), 2), abs=1e-6)
+
+
+def test_pseudo_elastic_foam_is_whole_again_at_its_deepest_and_soft_before() -> None:
+    effect = OgdenRoxburghFoam(0.3)
+    assert effect.meaning(small_skin()) == {"softened_third_press": 0.0}
+    assert third_over_first(effect, 2) == pytest.approx(1.0, abs=1e-9)
+    assert third_over_first(effect, 0) == pytest.approx(0.7, abs=1e-3)

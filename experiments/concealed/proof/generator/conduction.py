@@ -12,6 +12,7 @@ from .effect import Effect, Moment
 from .fabric import sampled
 from .fields import MAPS
 from .sheet import Sheet
+from .simulate import frames_of
 from .skin import Skin
 
 Array = NDArray[np.float64]
@@ -171,10 +172,30 @@ class ScanHeatedSheet(Effect):
         self.dose = np.zeros(len(self.tau_s))
 
     def sheet(self, point_m: Array, moment: Moment) -> Array:
+        return np.asarray(self.size * self.heat(point_m) * self._stored(moment.since_s, moment.frame >= 0))
+
+    def _stored(self, since_s: float, scanned: bool) -> float:
+        """Scans a second, each by the share of its heat that is left, after the step to this moment."""
         # One scan's worth of heat for every frame taken, none while the stage only travels.
-        decay = np.exp(-moment.since_s / np.array(self.tau_s))
-        self.dose = self.dose * decay + (1.0 / np.array(self.tau_s) if moment.frame >= 0 else 0.0)
-        return np.asarray(self.size * self.heat(point_m) * self.dose.mean())
+        decay = np.exp(-since_s / np.array(self.tau_s))
+        self.dose = self.dose * decay + (1.0 / np.array(self.tau_s) if scanned else 0.0)
+        return float(self.dose.mean())
+
+    def meaning(self, skin: Skin) -> dict[str, float]:
+        """Relative change of the sheet's resistance, its area's mean, in the scan taken 300 s after the first.
+
+        From cold, with nothing pressing. Scans are as far apart as frames of the skin's plan mostly are: the median of
+        the times from one frame to the next, rests included. The last scan's own heat counts.
+        """
+        pace_s = float(np.median(np.diff(frames_of(skin).time_s)))
+        self.start(0)
+        for _ in range(round(300.0 / pace_s) + 1):
+            stored = self._stored(pace_s, True)
+        sheet = _coarse(skin)
+        gained = self.size * self.heat(sheet.point_m.reshape(-1, 2)) * stored
+        change = np.average(np.expm1(-gained), weights=sheet.weight.ravel())
+        # Three digits, for elements equally near may change places on another machine (some 1e-5 of the change).
+        return {"warmed_300_s": float(f"{change:.3g}")}
 
 
 class SpreadHeatSheet(ScanHeatedSheet):
@@ -184,10 +205,14 @@ class SpreadHeatSheet(ScanHeatedSheet):
     spread_m, tau_s = 6e-3, (12.0, 90.0)
 
 
+def _coarse(skin: Skin) -> Sheet:
+    """The sheet meshed as finely as its heat needs."""
+    return Sheet(skin.outline_m, skin.electrodes, replace(skin.fineness, far_m=3.5e-3, rim_m=9e-4))
+
+
 def _joule(skin: Skin, spread_m: float):  # type: ignore[no-untyped-def]
     """Heat of one scan by place over its mean over the sheet, at rest; smoothed over ``spread_m``."""
-    coarse = replace(skin.fineness, far_m=3.5e-3, rim_m=9e-4)
-    sheet = Sheet(skin.outline_m, skin.electrodes, coarse)
+    sheet = _coarse(skin)
     conductance = np.full(sheet.weight.shape, 1.0 / skin.sheet_ohm)
     specific = 1.0 / (skin.contact_ohm * skin.electrodes.extent)
     admittance = np.where(sheet.pad >= 0, specific[sheet.pad] if skin.electrodes.edge_m is None else 0.0, 0.0)

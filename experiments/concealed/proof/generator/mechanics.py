@@ -259,6 +259,9 @@ class OgdenRoxburghFoam(Effect):
     def foam(self) -> FoamPart:
         return _OgdenRoxburgh(self.size)
 
+    def meaning(self, skin: Skin) -> dict[str, float]:
+        return {"softened_third_press": _softened(self.foam(), skin)}
+
 
 class _Damage(_Softening):
     def force(self, force_n: float, sunk_m: float, since_s: float) -> float:
@@ -279,6 +282,22 @@ class DamagedFoam(OgdenRoxburghFoam):
 
     def foam(self) -> FoamPart:
         return _Damage(self.size)
+
+
+def _softened(part: FoamPart, skin: Skin) -> float:
+    """Share of the force held at the deepest press's depth that its third run at one place lacks of the first.
+
+    Sunk as far and in the same steps as the plan's deepest press (the first of them), at a place never pressed before.
+    """
+    press = max(skin.plan.presses, key=lambda one: float(np.max(one.depth_m)))
+    deepest, held = float(np.max(press.depth_m)), []
+    for _ in range(3):
+        part.begin(np.zeros(2), 1.0, skin.layers[0].thickness_m)
+        for sunk in press.depth_m:
+            part.settle(float(sunk), float(sunk), press.step_s)
+        held.append(part.force(deepest, deepest, press.hold_s))
+        part.settle(0.0, 0.0, press.step_s)
+    return float(1.0 - held[2] / held[0])
 
 
 # ------------------------------------------------------------------------------------------------------- stage frame
