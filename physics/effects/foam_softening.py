@@ -56,10 +56,9 @@ class FoamSoftening(FoamEffect):
         return np.asarray(force_n * factor)
 
     def quantities(self, standard: Standard) -> dict[str, float]:
-        """Part of the force at the deepest press that is gone in the third press of a place."""
-        strokes = standard.pressed_again(3)
-        force = self.reaction_n(np.ones(len(strokes.sink_m)), strokes)
-        return {"softened_third_press": float(1 - force[-STEPS] / force[STEPS - 1])}
+        """Part of the force, halfway in, that is gone in the third press of a place."""
+        force = self.reaction_n(np.ones(3 * (2 * STEPS - 1)), standard.pressed_again(3)).reshape(3, -1)
+        return {"softened_third_press": float(1 - force[2, STEPS // 2] / force[0, STEPS // 2])}
 
     @classmethod
     def force_starts(cls) -> tuple[Start, ...]:

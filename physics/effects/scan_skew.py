@@ -21,8 +21,8 @@ class ScanSkew(MotionEffect):
 
     At 0 it goes on from the command, at the scan's end it arrives there, between the scan sees it come and go. It never
     goes above the surface, nor beyond the press's deepest command unless it ``overshoots``. With ``ease`` it sets out
-    and arrives more gently, within the scan, than at constant speed. A recorder that interpolates between two readings,
-    to say all as of one moment, leaves them ``straight``.
+    and arrives more gently, within the scan, than at constant speed. Where a recorder interpolates between two scans
+    readings run ``straight`` from one to the other.
     """
 
     name: ClassVar[str] = "scan_skew"
@@ -73,11 +73,16 @@ class ScanSkew(MotionEffect):
         return {"share_of_step_in_scan": min(self.speed_m_per_s * standard.scan_s / standard.step_m, 1.0)}
 
     def freer(self, free: tuple[str, ...]) -> tuple[Start, ...]:
-        straight = () if self.straight else (Start(replace(self, straight=True), free),)
+        # Easing comes to the same ends, which are all that straight readings hang on.
+        ends = tuple(key for key in free if key != "ease")
+        straight = replace(self, straight=True, ease=0.0)
+        if self.straight:
+            return () if self.overshoots else (Start(replace(straight, overshoots=True), ends),)
         if "ease" in free:
-            return straight
+            return (Start(straight, ends),)
         eased = replace(self, ease=0.5)
-        return (*straight, *(Start(form, (*free, "ease")) for form in (eased, replace(eased, overshoots=True))))
+        forms = eased, replace(eased, overshoots=True)
+        return Start(straight, ends), *(Start(form, (*free, "ease")) for form in forms)
 
     @property
     def moves(self) -> bool:

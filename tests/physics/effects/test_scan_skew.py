@@ -65,12 +65,14 @@ def test_straight_readings_are_a_mixture_of_those_at_a_scans_two_ends() -> None:
     np.testing.assert_allclose(moments_of(ScanSkew(speed_m_per_s=1e-3), scan)[1] @ course, (SCAN_S * share) ** 3)
 
 
-@pytest.mark.parametrize("free", [("speed_m_per_s", "at_s"), ("speed_m_per_s", "at_s", "ease")])
-def test_a_fit_may_take_readings_for_straight(free: tuple[str, ...]) -> None:
-    skew = ScanSkew(speed_m_per_s=1e-3)
-    straight = replace(skew, straight=True)
-    assert (straight, free) in [(start.effect, start.free) for start in skew.freer(free)]
-    assert all(start.effect.straight for start in straight.freer(free))
+@pytest.mark.parametrize(("ease", "free"), [(0.0, ("at_s",)), (0.5, ("at_s", "ease"))])
+def test_a_fit_may_take_readings_for_straight_which_easing_does_nothing_to(ease: float, free: tuple[str, ...]) -> None:
+    skew = ScanSkew(speed_m_per_s=1e-3, ease=ease)
+    straight = replace(skew, straight=True, ease=0.0)
+    assert (straight, ("at_s",)) in [(start.effect, start.free) for start in skew.freer(free)]
+    (overshooting,) = straight.freer(("at_s",))
+    assert (overshooting.effect, overshooting.free) == (replace(straight, overshoots=True), ("at_s",))
+    assert overshooting.effect.freer(overshooting.free) == ()
 
 
 @pytest.mark.parametrize(("offset_s", "starts"), [(None, 0), (np.full(28, 1.5), 0), (0.01 * np.arange(28.0), 3)])

@@ -283,9 +283,8 @@ class VoltageProblem:
             self._fill_specimen(layout, x, law, specimen, specimen_columns)
         alone = [k for k in layout.parameters if layout.on_readings_alone(k)]
         if alone:
-            columns[..., alone], beyond = self._instrument_columns(layout, x, alone, leftover is not None)
-            if leftover is not None:
-                leftover_columns[:, [instrument.index(k) for k in alone]] = beyond
+            columns[..., alone], beyond = self._instrument_columns(layout, x, alone)
+            leftover_columns[:, [instrument.index(k) for k in alone]] = beyond
         # Another ratio of moduli is another field of pressure, which the next fit begins with: it comes last.
         others = [k for k in layout.parameters if k not in alone] + ([layout.ratio] if known is None else [])
         for k in others:
@@ -309,15 +308,13 @@ class VoltageProblem:
         found *= np.where(self.weight[:, None, None] > 0, 1 / self.evidence.noise_v, 0.0)
         return self.evidence.discounted(found)
 
-    def _instrument_columns(
-        self, layout: _Layout, x: Array, which: Sequence[int], with_leftover: bool
-    ) -> tuple[Array, Array]:
+    def _instrument_columns(self, layout: _Layout, x: Array, which: Sequence[int]) -> tuple[Array, Array]:
         """Columns (T,P,n) of the scans, and (m,n) of the leftover, by numbers ``which`` that act on readings alone."""
         moved = [self._skin(layout, layout.moved(k, x)) for k in which]
-        scan, beyond = self.acquisition.derivatives(self._skin(layout, x), moved, with_leftover)
+        scan, beyond = self.acquisition.derivatives(self._skin(layout, x), moved)
         step = np.array([layout.step(k, x) for k in which])
         scan = np.where(self.weight[:, None, None] > 0, scan / self.evidence.noise_v / step, 0.0)
-        return self.evidence.discounted(scan), beyond.reshape(-1, beyond.shape[-1]) / step[: beyond.shape[-1]]
+        return self.evidence.discounted(scan), beyond.reshape(-1, len(which)) / step
 
     def _fill_specimen(self, layout: _Layout, x: Array, which: Sequence[int], base: Array, columns: Array) -> None:
         """The specimen's columns (S,n) by the numbers ``which``, about its residuals ``base`` (S,)."""
@@ -440,7 +437,8 @@ class _Layout:
 
     @property
     def parameters(self) -> list[int]:
-        """The numbers that are parameters of effects, those of the instrument first."""
+        """The numbers that are parameters of effects; those of the instrument first, while a network that they leave as
+        it is is remembered."""
         return sorted(self._named, key=lambda k: not self.is_instrument(k))
 
     @property
@@ -553,8 +551,8 @@ def _numbers(solved: Solved) -> list[_Numbers]:
 
 
 def _step(hessian: Array, gradient: Array, terms: Sequence[_Numbers]) -> Array:
-    """The Newton step. Terms that would go beyond their reach are expected to be absent, within that reach; what goes
-    there even so is taken away."""
+    """The Newton step. Terms that would go beyond their reach are expected beforehand to be absent, give or take that
+    reach; those that would go beyond it even so are taken away."""
     expected: list[_Numbers] = []
     held: list[_Numbers] = []
     step, hessian, gradient = np.zeros(len(gradient)), hessian.copy(), gradient.copy()

@@ -63,9 +63,9 @@ class AcquisitionSignal:
         change = reduce(lambda done, effect: effect.distorted_v(done, protocol), effects, readings) - readings
         return np.asarray(scans + change.reshape(len(scans), -1) @ protocol.orthonormal)
 
-    def derivatives(self, skin: Skin, moved: Sequence[Skin], leftover: bool) -> tuple[Array, Array]:
+    def derivatives(self, skin: Skin, moved: Sequence[Skin]) -> tuple[Array, Array]:
         """What ``moved`` skins (c of them), whose networks are the skin's, change of its scans, (T,P,c) in volt, and of
-        what no network explains, (n,K*M,c) in units of the noise; none of the latter unless ``leftover``."""
+        what no network explains, (n,K*M,c) in units of the noise."""
         protocol, basis = self.evidence.protocol, self.evidence.protocol.orthonormal
         scans = self.linear.scans(skin)
         found = np.zeros((*scans.shape, len(moved)))
@@ -75,11 +75,10 @@ class AcquisitionSignal:
             for k, change in enumerate(self._changes(readings, skin, moved)):
                 met = np.flatnonzero(change.any(axis=0))
                 found[part, :, k] = change[:, met] @ basis[met]
-        beyond = np.zeros((len(self.rows), basis.shape[0], len(moved) if leftover else 0))
-        if leftover:
-            taken = self.evidence.leftover_v[self.rows].reshape(beyond.shape[:2]) != 0
-            for k, change in enumerate(self._changes(self.readings(skin), skin, moved)):
-                beyond[..., k] = np.where(taken, self._unexplained(change) / self.evidence.leftover_noise_v, 0.0)
+        beyond = np.zeros((len(self.rows), len(basis), len(moved)))
+        taken = self.evidence.leftover_v[self.rows].reshape(beyond.shape[:2]) != 0
+        for k, change in enumerate(self._changes(self.readings(skin), skin, moved)):
+            beyond[..., k] = np.where(taken, self._unexplained(change) / self.evidence.leftover_noise_v, 0.0)
         return found, beyond
 
     def _changes(self, readings: Array, skin: Skin, moved: Sequence[Skin]) -> Iterator[Array]:

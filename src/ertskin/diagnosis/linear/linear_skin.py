@@ -95,7 +95,7 @@ def _of_fabric(skin: Skin) -> tuple[object, ...]:
 
 
 def _same_network(one: Skin, other: Skin | None) -> bool:
-    """Whether two skins differ by what acts on their readings alone."""
+    """Whether two skins of one family differ by what acts on their readings alone."""
     if one is other:
         return True
     return (

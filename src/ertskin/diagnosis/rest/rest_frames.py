@@ -290,8 +290,7 @@ def _contact_drift(
     criteria: Criteria,
     doubt: float = 0.0,
 ) -> tuple[Effect, ...]:
-    """What each contact did over the recording, from its rest frames, where they wander beyond the noise and beyond
-    the chi-square in ``doubt``, which something else's error may make.
+    """What each contact did over the recording, from its rest frames, where they wander beyond noise and ``doubt``.
 
     ``run`` (R,) numbers the rest frames' runs between presses. A contact that is another one in every run has no path
     that pressed frames could differ from: that is noise. Of fewer than five runs nothing tells the two apart, and a
@@ -330,7 +329,8 @@ def wandering(
     ``designs`` (R of (P,L+1)): each contact's column and, last, the whole sheet's; ``taken`` degrees of freedom gone
     before. All of them where together they leave no more than chance would, few where those leave little; else
     something other than contacts changed, which many of them would share out among themselves, and only those count
-    that explain much alone. None where less than ``doubt`` has changed.
+    that explain much alone. None where less has changed than the chi-square ``doubt``, which errors of what was taken
+    off before may leave.
     """
 
     def excess(chosen: list[int]) -> float:

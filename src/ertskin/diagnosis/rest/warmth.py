@@ -31,14 +31,17 @@ def warmth_at_rest(
 ) -> tuple[Array, float]:
     """(R,P) the part of the changes (R,P) of the rest frames ``rows`` (T,) that warmth explains, if it explains most of
     them, those too that the ``whole`` sheet (P,) alike doesn't make; else noughts. And chi-square that the error of its
-    form may leave of them."""
+    form may leave of what is uneven."""
     level = whole / np.linalg.norm(whole)
 
+    def uneven(part: Array) -> Array:
+        """What of a change (R,P) the whole sheet alike doesn't make."""
+        return np.asarray(part - np.multiply.outer(part @ level, level))
+
     def excess(part: Array) -> Array:
-        """Of a change (R,P) beyond noise, and of what of it the whole sheet alike doesn't make."""
-        uneven = part - np.multiply.outer(part @ level, level)
+        """Of a change (R,P) beyond noise, and of what is uneven of it."""
         count, width = part.shape
-        squares = np.array([(part**2).sum(), (uneven**2).sum()]) / evidence.noise_v**2
+        squares = np.array([(part**2).sum(), (uneven(part) ** 2).sum()]) / evidence.noise_v**2
         return np.asarray(squares - count * np.array([width, width - 1]))
 
     nothing, before, chance = np.zeros_like(change_v), excess(change_v), SURELY * np.sqrt(2 * change_v.size)
@@ -49,7 +52,7 @@ def warmth_at_rest(
     best, error = min(explained, key=lambda found: float(excess(change_v - found[0])[0]), default=(nothing, 0.0))
     if (excess(change_v - best) > np.maximum(UNEXPLAINED * before, chance)).any():
         return nothing, 0.0
-    return best, float(((error * best) ** 2).sum()) / evidence.noise_v**2
+    return best, float(((error * uneven(best)) ** 2).sum()) / evidence.noise_v**2
 
 
 def _starts(evidence: Evidence) -> Iterator[Start]:

@@ -73,7 +73,7 @@ def with_columns(
     def add(cell: int, old: Array, new: Array, wrong: Array) -> None:
         gradient[cell, count:] = new.T @ wrong
         hessian[cell, count:, count:] = new.T @ new
-        cross = old.T @ new.astype(old.dtype)
+        cross = old.T.astype(float) @ new
         hessian[cell, :count, count:] = cross
         hessian[cell, count:, :count] = cross.T
 

@@ -192,7 +192,7 @@ class _Search:
         left = form_error(problem, current, self.partitions, current.effects).gain
         least = worth_a_name(problem, current)
         trials = trials_of(
-            problem, current, found, self.partitions, left, partial(_settled_solution, self.build, problem)
+            problem, current, found, self.partitions, left, partial(_gone_elsewhere, self.build, problem)
         )
         entered = _first_to_hold(self.build, incumbent, [t for t in trials if t.gain >= least], self.partitions)
         if entered is not None:
@@ -344,8 +344,8 @@ def _of_few_numbers(
     trials: Sequence[Trial],
     partitions: Sequence[Sequence[int]],
 ) -> tuple[Trial, CheckedFit]:
-    """A trial of few numbers in place of the smooth field that ``entered``, where it gains most of that and of the two
-    together it is the one that is missed more.
+    """A trial of few numbers in place of the smooth field that ``entered``, where it gains most of that, and of the two
+    together is the one that is missed more, and significantly.
 
     Any sharp cause looks like a field that is sharp there: a pad out of place like a hill under it.
     """
@@ -385,10 +385,10 @@ def _where_it_settles(build: Problem, problem: VoltageProblem | None, solved: So
         return None
 
 
-def _settled_solution(build: Problem, problem: VoltageProblem, solved: Solved) -> Solved | None:
-    """A fit of the ``problem`` where it comes to rest."""
+def _gone_elsewhere(build: Problem, problem: VoltageProblem, solved: Solved) -> CheckedFit | None:
+    """Where a fit of the ``problem`` comes to rest; None where it rests already."""
     fit = _where_it_settles(build, problem, solved)
-    return None if fit is None else fit.solved
+    return None if fit is None or fit.problem is problem else fit
 
 
 def _key(term: Term) -> str:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ertskin.diagnosis.criteria import Criteria
+from ertskin.diagnosis.fit.full_solution_check import CheckedFit
 from ertskin.diagnosis.fit.joint_fit import Solved, Term, VoltageProblem
 from ertskin.diagnosis.search.candidates import Candidate
 from ertskin.diagnosis.search.form_error import form_error
@@ -32,7 +33,7 @@ SHARES = 1.0, 0.3, 0.1
 FULFILLED = 0.5
 """Part of what the first candidate is expected to gain that its fit must, or it is fitted again where it settles."""
 
-Settle = Callable[[Solved], Solved | None]
+Settle = Callable[[Solved], CheckedFit | None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,40 +56,18 @@ def trials_of(
     """The likeliest candidates of those ``found``, fitted, best first.
 
     A further name gains what it gains beyond the form error of the terms at hand, which itself would gain ``left``.
-    ``settle`` linearises about a fit that has gone far: the first candidate is judged there where it does not gain
-    what was expected of it.
+    ``settle`` linearises about a fit that has gone far: the first candidate, where it doesn't gain what was expected of
+    it, is judged there.
     """
     least = worth_a_name(problem, current)
     trials: list[Trial] = []
     present = {term.name for term in current.terms}
     for listed in _worth_trying(found, present, least, problem.evidence.criteria):
-        candidates = _different(listed)
-        fitted = _try(problem, current, candidates, partitions, left)
-        if candidates and candidates[0].gain > least:
-            fitted = _where_first_settles(current, candidates[0], fitted, partitions, problem.evidence.criteria, settle)
+        fitted = _try(problem, current, _different(listed), partitions, left, settle)
         trials = _in_order([*trials, *fitted], current)
         if trials and trials[0].gain >= least:
             break
     return trials
-
-
-def _where_first_settles(
-    current: Solved,
-    first: Candidate,
-    fitted: list[Trial],
-    partitions: Sequence[Sequence[int]],
-    criteria: Criteria,
-    settle: Settle,
-) -> list[Trial]:
-    """The trials, that of the first candidate where it settles: a contact that lands millimetres off is far from where
-    the skin is linearised, and what is fitted there is fitted to another skin."""
-    own = next((t for t in fitted if t.term.name == first.name and form_of(t.term) == form_of(first.term)), None)
-    if own is None or first.term.modes is not None or own.gain >= FULFILLED * first.gain:
-        return fitted
-    solved = settle(own.solved)
-    if solved is None or (gain := gained(current, solved, partitions, criteria)) <= own.gain:
-        return fitted
-    return [Trial(solved.terms[-1], gain, solved) if trial is own else trial for trial in fitted]
 
 
 def worth_a_name(problem: VoltageProblem, current: Solved) -> float:
@@ -147,16 +126,18 @@ def _try(
     candidates: Sequence[Candidate],
     partitions: Sequence[Sequence[int]],
     left: float = 0.0,
+    settle: Settle = lambda solved: None,
 ) -> list[Trial]:
     """Each candidate fitted for good, beside a form error of the terms at hand that gains ``left`` without it."""
     results = []
     instrument = any(_of_instrument(c.term) for c in candidates)
     without = problem.solve(current.terms, current.calibration, steps=1, leftover=True) if instrument else current
+    known, criteria = {term.name for term in current.terms}, problem.evidence.criteria
 
-    def trial(solved: Solved) -> Trial:
-        gain, term = gained(without, solved, partitions, problem.evidence.criteria), solved.terms[-1]
-        if left > 0 and term.name not in {known.name for known in current.terms}:
-            gain += form_error(problem, solved, partitions, solved.effects[:-1]).gain - left
+    def trial(solved: Solved, made_with: VoltageProblem = problem) -> Trial:
+        gain, term = gained(without, solved, partitions, criteria), solved.terms[-1]
+        if left > 0 and term.name not in known:
+            gain += form_error(made_with, solved, partitions, solved.effects[:-1]).gain - left
         return Trial(term, gain, solved)
 
     problem.reuse = True
@@ -173,7 +154,25 @@ def _try(
         found = results[k]
         if found.gain < of_frames(without) - of_frames(found.solved) and found.gain < max(t.gain for t in results):
             results[k] = trial(problem.solve(found.solved.terms, found.solved.calibration, leftover=instrument))
+    first = _unfulfilled(candidates, results, worth_a_name(problem, current))
+    elsewhere = None if first is None else settle(results[first].solved)
+    if first is not None and elsewhere is not None and elsewhere.solved.leftover == without.leftover:
+        results[first] = max(results[first], trial(elsewhere.solved, elsewhere.problem), key=lambda t: t.gain)
     return results
+
+
+def _unfulfilled(candidates: Sequence[Candidate], trials: Sequence[Trial], least: float) -> int | None:
+    """Which trial is the first candidate's, where that one, expected to be worth a name, gains far less than expected.
+
+    A contact that lands millimetres off is far from where the skin is linearised; what is fitted there is fitted to
+    another skin.
+    """
+    for k, trial in enumerate(trials):
+        first = candidates[0]
+        if trial.term.name == first.name and form_of(trial.term) == form_of(first.term):
+            smooth = first.term.modes is not None
+            return k if first.gain > least and not smooth and trial.gain < FULFILLED * first.gain else None
+    return None
 
 
 def _with_remainders(

@@ -17,6 +17,7 @@ from ertskin.diagnosis.fit.levenberg_marquardt import Fit, Quadratic
 from ertskin.diagnosis.search import selection, trials
 from ertskin.physics.conduction.mesh import MeshError
 from ertskin.physics.effects.crosstalk import Crosstalk
+from ertskin.physics.effects.indenter_offset import IndenterOffset
 from ertskin.physics.effects.piezo_hysteresis import PiezoHysteresis
 from ertskin.physics.effects.piezo_inhomogeneity import PiezoInhomogeneity
 
@@ -43,6 +44,25 @@ def test_a_term_that_only_one_cell_tells_is_away_in_what_the_others_predict_ther
     found = held_out(fitted([1e3, 1e-3, 1e-3], [1.0, -1e6, 0.0]), [[0]])
     # The loop's width is 0.1, and the cell pulls by 1 where it is.
     assert found[0] == pytest.approx(0.5 + 0.5 * (1.0 + 1e3 * 0.1) ** 2)
+
+
+def test_a_term_that_others_half_tell_is_as_far_away_as_they_leave_it() -> None:
+    # The other cell would step by 1.5, or by 0.2: beyond 0.15. With a prior of that width towards absence:
+    found = held_out(fitted([1e3, 20.0], [1.0, 20.0 * 1.5]), [[0]])
+    reach = 5.0 * PiezoHysteresis.parameters()["width"].typical
+    step = (20.0 * 30.0 - 0.1 / reach**2) / (20.0**2 + 1 / reach**2)
+    assert step > reach
+    assert found[0] == pytest.approx(0.5 + 0.5 * (1.0 + 1e3 * 0.1) ** 2)
+    found = held_out(fitted([1e3, 5.0], [1.0, 5.0 * 0.2]), [[0]])
+    step = (5.0 * 1.0 - 0.1 / reach**2) / (5.0**2 + 1 / reach**2)
+    assert -0.1 < step < 0.2
+    assert found[0] == pytest.approx(0.5 + 0.5 * (1.0 - 1e3 * step) ** 2)
+
+
+def test_nothing_is_foretold_better_than_it_is_fitted() -> None:
+    # Pulls that do not cancel: the fit has not come to rest, and a step would take all of them away.
+    solved = fitted([10.0, 10.0], [0.5, 0.5])
+    assert held_out(solved, [[0], [1]]) == pytest.approx(solved.fit.quadratic.cost)
 
 
 def test_one_of_several_of_a_kind_that_others_do_not_tell_is_away_alone() -> None:
@@ -190,9 +210,37 @@ def test_the_candidate_that_fits_best_is_fitted_to_its_end_where_it_predicts_wor
     monkeypatch.setattr(trials, "gained", lambda without, present, partitions, criteria: present.gain)
     monkeypatch.setattr(trials, "_with_remainders", lambda problem, trials, partitions: ())
     monkeypatch.setattr(trials, "of_frames", lambda solved: solved.cost)
-    candidates: Any = [SimpleNamespace(term=term, gain=0.0) for term in (loop, spot)]
+    monkeypatch.setattr(trials, "worth_a_name", lambda problem, current: 30.0)
+    candidates: Any = [SimpleNamespace(term=term, name=term.name, gain=0.0) for term in (loop, spot)]
     found = trials._try(problem, fit(loop, 100.0, 0.0), candidates, [])
     assert [t.gain for t in found] == [further, 20.0]
+
+
+@pytest.mark.parametrize(("gained_there", "kept"), [(60.0, 60.0), (2.0, 5.0)])
+def test_a_first_candidate_that_gains_too_little_is_judged_where_it_settles(
+    gained_there: float, kept: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    offset, loop = Term(IndenterOffset(dx_m=5e-3), ("dx_m",)), Term(PiezoHysteresis(width=0.1), ("width",))
+    gains = {offset.name: 5.0, loop.name: 20.0}
+    problem: Any = SimpleNamespace(reuse=False, evidence=PROBLEM.evidence)
+    current, settled = fit_of(loop, 0.0), fit_of(offset, gained_there)
+    monkeypatch.setattr(trials, "_with_term", lambda problem, current, term, leftover: fit_of(term, gains[term.name]))
+    monkeypatch.setattr(trials, "gained", lambda without, present, partitions, criteria: present.gain)
+    monkeypatch.setattr(trials, "_with_remainders", lambda problem, trials, partitions: ())
+    monkeypatch.setattr(trials, "of_frames", lambda solved: 0.0)
+    monkeypatch.setattr(trials, "worth_a_name", lambda problem, current: 30.0)
+    found: dict[float, list[float]] = {}
+    for expected in (100.0, 29.0):
+        candidates: Any = [SimpleNamespace(term=offset, name=offset.name, gain=expected)]
+        candidates.append(SimpleNamespace(term=loop, name=loop.name, gain=25.0))
+        settle: Any = lambda solved: SimpleNamespace(solved=settled, problem=problem)  # noqa: E731
+        found[expected] = [t.gain for t in trials._try(problem, current, candidates, [], 0.0, settle)]
+    # What isn't expected to be worth a name isn't looked at again.
+    assert found == {100.0: [kept, 20.0], 29.0: [5.0, 20.0]}
+
+
+def fit_of(term: Term, gain: float) -> Any:
+    return SimpleNamespace(terms=(term,), calibration=None, cost=1.0, gain=gain, leftover=False)
 
 
 def test_what_is_material_of_the_scans_does_not_hang_on_what_no_network_explains() -> None:

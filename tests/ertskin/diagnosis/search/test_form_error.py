@@ -86,5 +86,4 @@ def test_a_share_for_every_channel_leaves_no_form_error() -> None:
     assert rms(found.scan_residual) < 1.05
     forms = _other_forms(problem, found.effects)
     assert {round(form.value("fraction"), 5) for form in forms} == {round(float(SHARES.mean()), 5)}
-    # Columns of forms that are there already are nearly parallel to those of the shares: what is left is rounding.
-    assert form_error(problem, found, PARTITIONS, found.effects).gain < 0.05 * found.cost
+    assert form_error(problem, found, PARTITIONS, found.effects).gain < 15
