@@ -285,17 +285,20 @@ class DamagedFoam(OgdenRoxburghFoam):
 
 
 def _softened(part: FoamPart, skin: Skin) -> float:
-    """Share of the force held at the deepest press's depth that its third run at one place lacks of the first.
+    """Share of the force halfway in that the third of three identical presses of one place lacks of the first.
 
-    Sunk as far and in the same steps as the plan's deepest press (the first of them), at a place never pressed before.
+    The plan's deepest press (the first of them), at a place never pressed before, let go after each run. Halfway in is
+    the level recorded on the way in nearest to half its deepest depth: level n/2 of an even number n. The force is what
+    is recorded there: after the levels before it, before the step to it has left anything behind.
     """
     press = max(skin.plan.presses, key=lambda one: float(np.max(one.depth_m)))
-    deepest, held = float(np.max(press.depth_m)), []
+    halfway, held = int(np.argmin(np.abs(press.depth_m - 0.5 * np.max(press.depth_m)))), []
     for _ in range(3):
         part.begin(np.zeros(2), 1.0, skin.layers[0].thickness_m)
-        for sunk in press.depth_m:
-            part.settle(float(sunk), float(sunk), press.step_s)
-        held.append(part.force(deepest, deepest, press.hold_s))
+        for level, sunk in enumerate(press.depth_m.tolist()):
+            if level == halfway:
+                held.append(part.force(sunk, sunk, press.step_s))
+            part.settle(sunk, sunk, press.step_s)
         part.settle(0.0, 0.0, press.step_s)
     return float(1.0 - held[2] / held[0])
 
