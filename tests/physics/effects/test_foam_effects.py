@@ -91,3 +91,12 @@ def test_what_a_nonlinear_foam_carries_the_sheet_does_not_feel(stiffening: float
     np.testing.assert_allclose(whole, force)
     np.testing.assert_allclose(linear, pad * sink, atol=1e-9)
     np.testing.assert_allclose(half, (force + pad * sink) / 2, atol=1e-9)
+
+
+def test_foam_that_gives_way_is_felt_as_no_more_than_its_largest_force_alone() -> None:
+    foam, pad, foam_m = NonlinearFoam(stiffening=-0.8, exponent=6.0, carried=1.0), 1000.0, 4e-3
+    linear = foam.felt_n(np.linspace(0.0, 100.0, 41), pad, foam_m)
+    turns = pad * foam_m * (1 / (7 * 0.8)) ** (1 / 6)
+    assert np.isfinite(linear).all()
+    assert (np.diff(linear) >= -1e-9).all()
+    assert linear[-1] == pytest.approx(turns)
