@@ -81,7 +81,8 @@ class Effect:
     hypothesis: ClassVar[Hypothesis]
     form_error: ClassVar[float] = 0.02
     """Share by which its quantities may be off because the real thing has another form, which no fit tells: half a 90 %
-    interval. Of those above the least, what other forms came out at in ``experiments/concealed/results``."""
+    interval. Of those above the least, what other forms came out at in ``experiments/concealed/results``; of warmth,
+    also the part of what it does at rest that its form may leave."""
 
     def __post_init__(self) -> None:
         for key, known in self.parameters().items():

@@ -15,6 +15,7 @@ from ertskin.physics.protocol import Protocol
 from ertskin.physics.sensor import Sensor
 
 WARMED_S = 300.0
+"""How long scans go on until the warmth that is stated is taken."""
 
 
 @dataclass(frozen=True)
@@ -39,7 +40,7 @@ class SelfHeating(SheetEffect, AcquisitionEffect):
         "square centimetre of it warms it by kelvins"
     )
     order: ClassVar[int] = -1
-    # Of the warmth itself, as the proof's isolated laws have it: 0.21 and 0.24.
+    # What the best fit leaves of the proof's forms: 0.21 and 0.24 (experiments/concealed/proof/isolated_laws.json).
     form_error: ClassVar[float] = 0.2
     hypothesis: ClassVar[Hypothesis] = Hypothesis(
         (Axis.SCAN_ORDER, Axis.TIME), (Signal.NONRECIPROCAL, Signal.READINGS, Signal.REST), (Need.MORE_READINGS,)

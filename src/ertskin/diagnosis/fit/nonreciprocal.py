@@ -60,7 +60,7 @@ class AcquisitionSignal:
         """The same by way of all readings, which is what an effect that isn't linear takes."""
         protocol = self.evidence.protocol
         readings = (scans @ protocol.orthonormal.T).reshape(-1, *protocol.shape)
-        change = reduce(lambda done, effect: effect.distorted_v(done, protocol), effects, readings) - readings
+        change = self._as_read(readings, effects) - readings
         return np.asarray(scans + change.reshape(len(scans), -1) @ protocol.orthonormal)
 
     def derivatives(self, skin: Skin, moved: Sequence[Skin]) -> tuple[Array, Array]:
@@ -84,14 +84,9 @@ class AcquisitionSignal:
     def _changes(self, readings: Array, skin: Skin, moved: Sequence[Skin]) -> Iterator[Array]:
         """(n,K*M) what the instrument of each of the ``moved`` skins makes of a network's readings (n,K,M), less what
         the skin's own makes of them."""
-
-        def read(by: Skin) -> Array:
-            acting = instruments(by.effects)
-            return reduce(lambda done, effect: effect.distorted_v(done, self.evidence.protocol), acting, readings)
-
-        own = read(skin)
+        own = self._as_read(readings, instruments(skin.effects))
         for other in moved:
-            yield (read(other) - own).reshape(len(readings), -1)
+            yield (self._as_read(readings, instruments(other.effects)) - own).reshape(len(readings), -1)
 
     def on_columns(self, skin: Skin) -> Array | None:
         """(P,P) what the instrument makes of a change of whitened scans, None where it leaves them alone.
@@ -132,10 +127,11 @@ class AcquisitionSignal:
 
     def leftover(self, skin: Skin) -> Array:
         """(n, K*M) what no network explains of the predicted readings, for the rows n."""
-        readings = self.readings(skin)
-        for effect in instruments(skin.effects):
-            readings = effect.distorted_v(readings, self.evidence.protocol)
-        return self._unexplained(readings)
+        return self._unexplained(self._as_read(self.readings(skin), instruments(skin.effects)))
+
+    def _as_read(self, readings: Array, effects: Sequence[AcquisitionEffect]) -> Array:
+        """What the effects, in their order, make of a network's readings (n,K,M)."""
+        return reduce(lambda done, effect: effect.distorted_v(done, self.evidence.protocol), effects, readings)
 
     def _unexplained(self, readings: Array) -> Array:
         """(n, K*M) the part of readings (n,K,M) that no network gives."""
