@@ -12,27 +12,6 @@ AIR = 0.01
 """Part of the drive before or after a step that is as good as none."""
 
 
-def relaxing(
-    drive: Array,
-    time_s: Array,
-    constant_s: float,
-    cleared: NDArray[np.bool_] | None = None,
-    *,
-    moves_s: float = np.inf,
-) -> Array:
-    """(T,...) h with h' = drive' - h/tau, h(0) = drive(0): what of the drive (T,...) has not relaxed yet.
-
-    A Maxwell branch under a drive linear between the times (T,); exact for any step. A drive that leaves for nothing
-    does so within the first ``moves_s`` of a step, one that comes from nothing within the last. Where ``cleared`` (T,)
-    the memory is empty: h = drive.
-    """
-    decay, gains = _decay_and_gains(time_s, constant_s, moves_s)
-    memory = np.empty(drive.shape)
-    flat = np.ascontiguousarray(drive).reshape(len(drive), -1)
-    _relax(memory.reshape(len(drive), -1), flat, decay, gains, _forgets(drive, cleared))
-    return memory
-
-
 def _decay_and_gains(time_s: Array, constant_s: float, moves_s: float) -> tuple[Array, Array]:
     """What a step leaves of the memory (T,), and what it takes in (3,T) of a drive that changes over all of the step,
     at its beginning or at its end."""
@@ -57,18 +36,6 @@ def _way(before, now):  # type: ignore[no-untyped-def]
     """Which gain a step has: 1 if the drive leaves for nothing, 2 if it comes from nothing, else 0."""
     before, now = abs(before), abs(now)
     return 1 if now < AIR * before else 2 if before < AIR * now else 0
-
-
-@njit(cache=True, nogil=True)
-def _relax(memory, drive, decay, gains, forget):  # type: ignore[no-untyped-def]
-    memory[0] = drive[0]
-    for t in range(1, len(drive)):
-        for n in range(drive.shape[1]):
-            if forget[t]:
-                memory[t, n] = drive[t, n]
-                continue
-            gain = gains[_way(drive[t - 1, n], drive[t, n]), t]
-            memory[t, n] = decay[t] * memory[t - 1, n] + gain * (drive[t, n] - drive[t - 1, n])
 
 
 @njit(cache=True, nogil=True)
@@ -104,8 +71,9 @@ def lagging(
 ) -> Array:
     """(T,...) mean over the time constants (K,) of m with m' = (drive - m)/tau, starting at rest.
 
-    That is what has been taken in of the drive (T,...); where ``cleared`` (T,) nothing has. ``moves_s`` as of
-    ``relaxing``.
+    That is what has been taken in of the drive (T,...), exactly for any steps of a drive linear between the times
+    (T,); where ``cleared`` (T,) nothing has. A drive that leaves for nothing does so within the first ``moves_s`` of a
+    step, one that comes from nothing within the last.
     """
     steps = [_decay_and_gains(time_s, constant_s, moves_s) for constant_s in constants_s]
     decay, gains = (np.stack(one) for one in zip(*steps, strict=True))
@@ -113,6 +81,11 @@ def lagging(
     flat = np.ascontiguousarray(drive).reshape(len(drive), -1)
     _lag(taken.reshape(len(drive), -1), flat, decay, gains, _forgets(drive, cleared))
     return taken
+
+
+def relaxing(drive: Array, time_s: Array, constants_s: Array, cleared: NDArray[np.bool_] | None = None) -> Array:
+    """(T,...) what of the drive (T,...) has not relaxed yet, mean over Maxwell branches of time constants (K,)."""
+    return drive - lagging(drive, time_s, constants_s, cleared)
 
 
 def moves_within_s(time_s: Array) -> float:

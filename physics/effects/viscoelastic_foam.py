@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
@@ -12,17 +12,23 @@ from ertskin.physics.effects.exponential_memory import relaxing
 from ertskin.physics.effects.hypothesis import Axis, Hypothesis, Need, Signal
 from ertskin.physics.effects.standard import Standard
 
+SPREAD = np.linspace(0.0, 1.0, 8)
+"""Where in the decades the time constants lie."""
+
 
 @dataclass(frozen=True)
 class ViscoelasticFoam(FoamEffect):
     """Prony series on the elastic force: F = e + sum_i f_i (part of e not yet relaxed with time constant tau_i).
 
-    ``fraction`` is relative to the fully relaxed force. The pad can't pull the indenter: a negative force is none.
+    ``fraction`` is relative to the fully relaxed force. With ``decades`` > 0 the first term is the mean of eight, their
+    time constants evenly spread in the logarithm from ``time_s`` on over so many decades (Fung's quasi-linear
+    viscoelasticity). The pad can't pull the indenter: a negative force is none.
     """
 
     name: ClassVar[str] = "viscoelastic_foam"
     source: ClassVar[str] = (
-        "Simo, Comput. Methods Appl. Mech. Eng. 60 (1987) 153: quasi-linear relaxation, Prony series"
+        "Simo, Comput. Methods Appl. Mech. Eng. 60 (1987) 153: quasi-linear relaxation, Prony series; "
+        "Fung, Biomechanics (1981), section 7.6"
     )
     order: ClassVar[int] = 3
     form_error: ClassVar[float] = 0.5
@@ -30,11 +36,12 @@ class ViscoelasticFoam(FoamEffect):
         (Axis.HISTORY, Axis.TIME),
         (Signal.FORCE, Signal.COUPON),
         (Need.FORCES,),
-        held=frozenset({"slow_fraction", "slow_time_s"}),
+        held=frozenset({"decades", "slow_fraction", "slow_time_s"}),
     )
 
     fraction: float = parameter("1", 0.0, 5.0, 0.0, 0.05, "relaxing force over the relaxed force")
     time_s: float = parameter("s", 0.05, 2000.0, 5.0, 1.0, "relaxation time", defining=False)
+    decades: float = parameter("1", 0.0, 6.0, 0.0, 0.5, "decades of time constants", defining=False)
     slow_fraction: float = parameter("1", 0.0, 5.0, 0.0, 0.05, "the same, second term")
     slow_time_s: float = parameter("s", 1.0, 20000.0, 60.0, 10.0, "relaxation time of the second term", defining=False)
 
@@ -44,9 +51,10 @@ class ViscoelasticFoam(FoamEffect):
     def reaction_n(self, force_n: Array, strokes: Strokes) -> Array:
         force = force_n.copy()
         air = None if self.remembers_air else ~strokes.touched
-        for fraction, time_s in ((self.fraction, self.time_s), (self.slow_fraction, self.slow_time_s)):
+        spread_s = self.time_s * 10 ** (self.decades * (SPREAD if self.decades > 0 else SPREAD[:1]))
+        for fraction, constants_s in ((self.fraction, spread_s), (self.slow_fraction, np.array([self.slow_time_s]))):
             if fraction > 0:
-                force += fraction * relaxing(force_n, strokes.time_s, time_s, air)
+                force += fraction * relaxing(force_n, strokes.time_s, constants_s, air)
         return np.maximum(force, 0.0)
 
     def quantities(self, standard: Standard) -> dict[str, float]:
@@ -57,7 +65,11 @@ class ViscoelasticFoam(FoamEffect):
 
     @classmethod
     def force_starts(cls) -> tuple[Start, ...]:
-        return tuple(Start(cls(fraction=0.1, time_s=time_s), ("fraction", "time_s")) for time_s in (2.0, 20.0))
+        single, spread = ("fraction", "time_s"), cls(fraction=0.1, time_s=0.3, decades=3.0)
+        return (
+            *(Start(cls(fraction=0.1, time_s=time_s), single) for time_s in (2.0, 20.0)),
+            *(Start(replace(spread, remembers_air=air), (*single, "decades")) for air in (False, True)),
+        )
 
     @classmethod
     def coupon_starts(cls) -> tuple[Start, ...]:

@@ -47,7 +47,7 @@ class LogTimeFoam(FoamEffect):
     def reaction_n(self, force_n: Array, strokes: Strokes) -> Array:
         force = force_n.copy()
         for time_s in 10 ** np.arange(-1.5, 3.01, 0.5):
-            force += self.fraction * relaxing(force_n, strokes.time_s, time_s)
+            force += self.fraction * relaxing(force_n, strokes.time_s, np.array([time_s]))
         return np.maximum(force, 0.0)
 
 

@@ -220,7 +220,7 @@ class FreeLaw:
             design = chebyshev.chebvander(x, self.order)
             if not self.ladder:
                 return design
-            past = [relaxing(x[:, None], film.time_s, tau)[:, 0] for tau in LADDER_S]
+            past = [relaxing(x, film.time_s, np.array([tau])) for tau in LADDER_S]
             # A law's logarithm and its own past, and what the past is worth under load and in the air.
             return np.column_stack([design, *past, *(p * (x > -0.9) for p in past)])
 

@@ -23,7 +23,8 @@ from ertskin.diagnosis.contract.claims import (
 from ertskin.diagnosis.criteria import DEFAULT
 from ertskin.diagnosis.fit.joint_fit import Solved, VoltageProblem
 from ertskin.diagnosis.fit.levenberg_marquardt import Fit, Quadratic, descend
-from ertskin.diagnosis.force.fit import ForceData, fit_force, force_starts, select_force_effects
+from ertskin.diagnosis.force.fit import ForceData, fit_force, force_starts
+from ertskin.diagnosis.force.selection import select_force_effects
 from ertskin.diagnosis.judge.held_out import broad_ratio
 from ertskin.diagnosis.linear.sensitivity import Hats
 from ertskin.diagnosis.output.diagnosis_file import write_diagnosis, write_effects

@@ -8,12 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ertskin.diagnosis.contract.claims import Claim, Estimate, Rival, against, estimate
-from ertskin.diagnosis.force.fit import ForceData, ForceEffect, ForceFit, fit_force, force_starts, free_parameters
+from ertskin.diagnosis.force.fit import ForceData, ForceFit, fit_force, force_starts
 from ertskin.diagnosis.force.indistinguishable import distinguishable
 from ertskin.diagnosis.judge.confidence import left_over_of_force
 from ertskin.diagnosis.recording.evidence import Evidence
 from ertskin.diagnosis.rest.baseline import Baseline
 from ertskin.diagnosis.search.selection import Selection
+from ertskin.physics.effects.effect import Start
 
 Indices = NDArray[np.intp]
 
@@ -43,7 +44,8 @@ def force_answer(evidence: Evidence, baseline: Baseline, selection: Selection, h
     before, after = (_predicted_n(evidence, baseline, fit, held) for fit in (linear, best))
     # What the readings show as well is claimed by them, who know its course.
     shown = {chosen.term.name for chosen in selection.chosen}
-    claims = [_felt(_claim(evidence, baseline, best, e), selection) for e in best.effects if e.name not in shown]
+    terms = [term for term in best.terms if term.effect.name not in shown]
+    claims = [_felt(_claim(evidence, baseline, best, term), selection) for term in terms]
     # What it would leave, were it alone left out.
     claims = [claim for claim in claims if claim.ratio_alone > evidence.criteria.material_ratio]
     off = _off(evidence, baseline)
@@ -55,7 +57,7 @@ def force_answer(evidence: Evidence, baseline: Baseline, selection: Selection, h
 def _predicted_n(evidence: Evidence, baseline: Baseline, fit: ForceFit, held: Indices) -> float:
     """Rms in newton by which the fit's effects, fitted again without the presses held out, miss their forces."""
     press = evidence.history.press
-    again = fit_force(_data(evidence, baseline, fit), fit.effects, ~np.isin(press, press[held]), start=fit)
+    again = fit_force(_data(evidence, baseline, fit), fit.terms, ~np.isin(press, press[held]), start=fit)
     seen = again.residual[held]
     whole = seen if np.isfinite(seen).any() else fit.residual
     return float(np.sqrt(np.nanmean(whole**2)) * baseline.force_noise.rms_n)
@@ -91,38 +93,38 @@ def _felt(claim: Claim, selection: Selection) -> Claim:
     return claim
 
 
-def _claim(evidence: Evidence, baseline: Baseline, best: ForceFit, effect: ForceEffect) -> Claim:
-    """The fit without this effect, and with each other effect in its stead."""
+def _claim(evidence: Evidence, baseline: Baseline, best: ForceFit, term: Start) -> Claim:
+    """The fit without this effect, and with each other effect, or none of them, in its stead."""
     data = _data(evidence, baseline, best)
-    rest = [e for e in best.effects if e.name != effect.name]
+    rest = [other for other in best.terms if other is not term]
     count = int(np.isfinite(best.residual).sum())
     without = fit_force(data, rest, start=best)
     alone = float(np.sqrt(max(1.0, 1 + (without.chi_square - best.chi_square) / count)))
-    rivals = _rivals(data, best, rest, effect)
+    rivals = _rivals(data, best, rest, term)
     confidence, alternatives = against(rivals, evidence.criteria)
-    return Claim(effect, confidence, alone, _estimates(best, effect), alternatives, rivals, by_force=True)
+    return Claim(term.effect, confidence, alone, _estimates(best, term), alternatives, rivals, by_force=True)
 
 
-def _rivals(data: ForceData, best: ForceFit, rest: list[ForceEffect], effect: ForceEffect) -> tuple[Rival, ...]:
+def _rivals(data: ForceData, best: ForceFit, rest: list[Start], term: Start) -> tuple[Rival, ...]:
     used = {e.name for e in best.effects}
     rivals = []
-    for other, starts in force_starts().items():
-        if other in used:
+    for name, starts in force_starts().items():
+        if name in used:
             continue
-        replaced = min((fit_force(data, [*rest, s], start=best) for s in starts), key=lambda f: f.chi_square)
-        short = 0.5 * (replaced.chi_square - best.chi_square)
-        if not distinguishable(effect, replaced.effects[-1], data.history):
+        replaced = min((fit_force(data, [*rest, s], start=best) for s in starts), key=lambda f: f.misfit)
+        short = replaced.misfit - best.misfit
+        if not distinguishable(term.effect, replaced.effects[-1], data.history):
             # A better fit is that of a form, no more.
             short = min(short, 0.0)
         rivals.append(Rival(replaced.effects[-1], short))
     return tuple(rivals)
 
 
-def _estimates(best: ForceFit, effect: ForceEffect) -> dict[str, Estimate]:
-    known = effect.parameters()
+def _estimates(best: ForceFit, term: Start) -> dict[str, Estimate]:
+    known = term.effect.parameters()
     estimates = {}
-    for key in free_parameters(effect):
-        k = best.names.index(f"{effect.name}.{key}")
+    for key in term.free:
+        k = best.names.index(f"{term.effect.name}.{key}")
         error = float(np.sqrt(max(best.covariance[k, k], 0.0)))
-        estimates[key] = estimate(float(getattr(effect, key)), error, known[key])
+        estimates[key] = estimate(float(getattr(term.effect, key)), error, known[key])
     return estimates

@@ -10,13 +10,16 @@ from scipy.stats import f as f_distribution
 
 from ertskin.diagnosis.criteria import Criteria
 from ertskin.diagnosis.recording.evidence import Evidence
+from ertskin.physics.history import History
 
 Array = NDArray[np.float64]
 
 BLOCK_FREEDOM = 19
-REPEATING = 0.7, 2.5
-"""Repeated strokes scatter by the noise if by this much of what the cell shows in air: a stage that stops a micrometre
-off adds to it, a foam that forgets nothing adds far more."""
+MOST_OVER_QUIET = 2.5
+"""Within presses a cell scatters by this much of what it shows in air at most: a stage that stops a micrometre off adds
+to it; more is an effect that changes from frame to frame."""
+SHARED = 35 / 18
+"""Independent second differences of white noise are so many times fewer than all: neighbours share frames."""
 
 
 @dataclass(frozen=True)
@@ -43,9 +46,8 @@ class ForceNoise:
         return material and float(f_distribution.sf(between, len(strokes), self.freedom)) < criteria.force_chance
 
 
-def force_noise(evidence: Evidence, scatter_n: float) -> ForceNoise:
-    """The load cell's noise: in air, on the rigid block, and between presses that repeat the same strokes."""
-    history = evidence.history
+def quiet_noise(evidence: Evidence, scatter_n: float) -> ForceNoise:
+    """The load cell's noise in air and, ``scatter_n``, on the rigid block."""
     squares, weights = [], []
     if np.isfinite(evidence.air_n):
         squares.append(evidence.air_n**2)
@@ -55,25 +57,23 @@ def force_noise(evidence: Evidence, scatter_n: float) -> ForceNoise:
         weights.append(BLOCK_FREEDOM)
     if not squares:
         return ForceNoise(0.01, 1)
-    quiet = ForceNoise(float(np.sqrt(np.average(squares, weights=weights))), sum(weights))
-    repeats = _pure_error(history.depth_m[:, 0], history.force_n[:, 0], history.press, history.phase)
-    if repeats is None or not REPEATING[0] * quiet.rms_n < repeats.rms_n < REPEATING[1] * quiet.rms_n:
+    return ForceNoise(float(np.sqrt(np.average(squares, weights=weights))), sum(weights))
+
+
+def pressed_noise(history: History, misfit_n: Array, quiet: ForceNoise) -> ForceNoise:
+    """Scatter of a fit's misfits (T,C) from frame to frame of one press: what is smooth over a press is no noise.
+
+    That is the cell's as it is while it measures: a cell that drifts is noisy in air, and presses of foam that ages
+    don't repeat. ``quiet`` where a press has too few frames, or where they scatter by far more.
+    """
+    bends = [
+        np.diff(column[(history.press == press) & np.isfinite(column)], n=2)
+        for column in np.where(history.touched, misfit_n, np.nan).T
+        for press in np.unique(history.press)
+    ]
+    bend = np.concatenate(bends)
+    freedom = int(len(bend) / SHARED)
+    rms_n = float(np.sqrt(np.mean(bend**2) / 6)) if len(bend) else np.nan
+    if freedom <= quiet.freedom or not 0 < rms_n < MOST_OVER_QUIET * quiet.rms_n:
         return quiet
-    return repeats
-
-
-def _pure_error(
-    depth_m: Array, force_n: Array, press: NDArray[np.int64], phase: NDArray[np.uint8]
-) -> ForceNoise | None:
-    """Scatter in newton of frames at the same step of presses with the same strokes."""
-    groups: dict[tuple[int, int, int], list[float]] = {}
-    for number in np.unique(press):
-        rows = np.flatnonzero(press == number)
-        for step, t in enumerate(rows):
-            if np.isfinite(force_n[t]) and np.isfinite(depth_m[t]):
-                groups.setdefault((step, int(phase[t]), round(1e6 * float(depth_m[t]))), []).append(float(force_n[t]))
-    scattered = [(np.var(v, ddof=1), len(v) - 1) for v in groups.values() if len(v) > 4]
-    if not scattered:
-        return None
-    variance, weight = np.array(scattered).T
-    return ForceNoise(float(np.sqrt(np.average(variance, weights=weight))), int(weight.sum()))
+    return ForceNoise(rms_n, freedom)

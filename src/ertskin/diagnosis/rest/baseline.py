@@ -7,8 +7,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ertskin.diagnosis.force.fit import ForceData, ForceFit, select_force_effects
-from ertskin.diagnosis.force.noise import ForceNoise, force_noise
+from ertskin.diagnosis.force.fit import ForceData, ForceFit
+from ertskin.diagnosis.force.noise import ForceNoise, pressed_noise, quiet_noise
+from ertskin.diagnosis.force.selection import select_force_effects
 from ertskin.diagnosis.recording.evidence import CannotTell, Evidence
 from ertskin.diagnosis.recording.split import folds_of
 from ertskin.diagnosis.rest.displaced_pad import displaced_pad
@@ -64,8 +65,7 @@ def calibrated(recording: Recording, evidence: Evidence, resolution: str = "fine
     if not evidence.sensor.layers:
         raise CannotTell("the sensor names no layers: the pressure under a contact is unknown")
     support = _support(recording)
-    noise = force_noise(evidence, support.force_noise_n)
-    linear, best = _force_stage(evidence, support, noise.rms_n)
+    linear, best, noise = _force_stage(evidence, support)
     contacts = np.full(evidence.protocol.electrodes, max(evidence.sensor.contact_resistance_guess_ohm, 10.0))
     built = Skin.build(evidence.sensor, evidence.protocol, law.law, contacts, support.stiffness_n_per_m, (), resolution)
     at_rest = rested(built, evidence)
@@ -123,20 +123,23 @@ def _specimen(
     return replace(signal, noise_fraction=scatter, effects=effects), tuple(findings)
 
 
-def _force_stage(
-    evidence: Evidence, support: IndenterSupport, noise_n: float
-) -> tuple[ForceFit | None, ForceFit | None]:
+def _force_stage(evidence: Evidence, support: IndenterSupport) -> tuple[ForceFit | None, ForceFit | None, ForceNoise]:
+    """The fits without and with effects, and the load cell's noise; searched again where it turns out to be less."""
+    quiet = quiet_noise(evidence, support.force_noise_n)
     stiff, error = UNYIELDING
     if np.isfinite(support.stiffness_n_per_m):
         stiff = support.stiffness_n_per_m
         error = max(support.standard_error_n_per_m / stiff, 1e-5)
     foam_m = evidence.sensor.layers[0].thickness_m
-    data = ForceData(evidence.history, noise_n, stiff, error, foam_m, evidence.protocol.duration_s)
+    data = ForceData(evidence.history, quiet.rms_n, stiff, error, foam_m, evidence.protocol.duration_s)
     if data.used.sum() < 20:
-        return None, None
-    folds = folds_of(evidence.history.press, FORCE_FOLDS)
-    criteria = evidence.criteria
-    return select_force_effects(data, folds, criteria.significant_force_gain, criteria.second_share)
+        return None, None, quiet
+    folds, criteria = folds_of(evidence.history.press, FORCE_FOLDS), evidence.criteria
+    least = criteria.significant_force_gain, criteria.second_share
+    linear, best = select_force_effects(data, folds, *least)
+    noise = pressed_noise(evidence.history, best.residual * quiet.rms_n, quiet)
+    linear, best = select_force_effects(replace(data, noise_n=noise.rms_n), folds, *least)
+    return linear, best, noise
 
 
 def _driving_force(evidence: Evidence, best: ForceFit | None, noise: ForceNoise) -> Array:
