@@ -97,11 +97,13 @@ def mending(claims: Sequence[Claim], criteria: Criteria, shown: Collection[str] 
     """A claim that is small beside one of its kin may only mend that one's form, which becomes its alternative.
 
     Not so the instrument's effects, which what no network explains has named, nor those ``shown`` by another signal.
-    What is measured at rest mends no form of what only presses show.
+    What is measured at rest mends no form of what only presses show, and what readings show none of what only the load
+    cell does: how much of a misfit they explain can't be compared.
     """
     found = []
     for claim in claims:
-        kin = [c for c in claims if c.effect.name != claim.effect.name and _kind(c) & _kind(claim)]
+        seen_alike = [c for c in claims if c.effect.name != claim.effect.name and c.by_force == claim.by_force]
+        kin = [c for c in seen_alike if _kind(c) & _kind(claim)]
         if claim.effect.hypothesis.measured == Measured.CONTACT_PATH:
             kin = [c for c in kin if shown_by(c.effect, Signal.REST) or getattr(c.effect, "remembers_air", False)]
         strongest = max(kin, key=_excess, default=None)
