@@ -111,8 +111,8 @@ def _rivals(data: ForceData, best: ForceFit, rest: list[Start], term: Start) -> 
     for name, starts in force_starts().items():
         if name in used:
             continue
-        replaced = min((fit_force(data, [*rest, s], start=best) for s in starts), key=lambda f: f.misfit)
-        short = replaced.misfit - best.misfit
+        replaced = min((fit_force(data, [*rest, s], start=best) for s in starts), key=lambda f: f.information)
+        short = replaced.information - best.information
         if not distinguishable(term.effect, replaced.effects[-1], data.history):
             # A better fit is that of a form, no more.
             short = min(short, 0.0)
