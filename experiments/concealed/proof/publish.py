@@ -1,8 +1,9 @@
 """Put a suite's evidence into the repository: ``python experiments/concealed/proof/publish.py OUT SEED [--commit]``.
 
 With ``--commit``, before any diagnosis: the commitments alone. Without it, after the last diagnosis: the secret, every
-truth and nonce, every diagnosis.json, compressed; sealed families that were opened are marked as spent. A change of the
-commitments in between is refused.
+truth and nonce, every diagnosis.json, compressed, and what the model that diagnosed leaves of every form
+(isolated_laws.json); sealed families that were opened are marked as spent. A change of the commitments in between is
+refused.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ import seals
 from suite import SPLIT
 
 RESULTS = Path(__file__).parents[1] / "results"
+LAWS = Path(__file__).with_name("isolated_laws.json")
 
 
 def commit(out: Path, results: Path) -> None:
@@ -39,6 +41,7 @@ def reveal(out: Path, results: Path) -> None:
         found = {path.parent.name: json.loads(path.read_text()) for path in sorted(folder.glob("*/diagnosis.json"))}
         said[folder.name] = {name: one for name, one in found.items() if name in cases}
     seals.write_json(results / "diagnoses.json.xz", said)
+    seals.write_json(results / LAWS.name, seals.read_json(LAWS))
     _spend(results.name, [one["truth"] for one in cases.values()])
 
 

@@ -19,7 +19,8 @@ from judged import DiagnosisError, Judged, checked
 from rows import Calibration, FormClasses, Row, Share, calibrations, reliability, rows
 from suite import suite
 
-LEFT = Path(__file__).with_name("isolated_laws.json")
+LEFT = "isolated_laws.json"
+"""What the model that diagnosed left of every form: the classes of forms."""
 Scores = dict[str, dict[str, Any]]
 
 
@@ -126,7 +127,8 @@ def main() -> int:
     except (seals.SealError, DiagnosisError) as error:
         print(error, file=sys.stderr)
         return 2
-    classes = FormClasses({key: one["left"] for key, one in seals.read_json(LEFT).items()} if LEFT.exists() else {})
+    laws = options.results / LEFT
+    classes = FormClasses({key: one["left"] for key, one in seals.read_json(laws).items()} if laws.exists() else {})
     pages, scores = [f"# Score of {options.results.name}: {len(truths)} cases, all seals hold", ""], {}
     for method, cases in methods.items():
         text, scores[method] = page(method, cases, classes)
