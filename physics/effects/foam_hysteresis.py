@@ -26,6 +26,7 @@ class FoamHysteresis(FoamEffect):
     name: ClassVar[str] = "foam_hysteresis"
     source: ClassVar[str] = "Visintin, Differential Models of Hysteresis (1994), ch. III: stop operator"
     order: ClassVar[int] = 2
+    form_error: ClassVar[float] = 0.15
     hypothesis: ClassVar[Hypothesis] = Hypothesis(
         (Axis.HISTORY,), (Signal.FORCE, Signal.COUPON), (Need.FORCES, Need.RELOADING)
     )

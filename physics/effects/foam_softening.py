@@ -34,6 +34,7 @@ class FoamSoftening(FoamEffect):
         "Miehe, Eur. J. Mech. A 14 (1995) 697: continuous damage"
     )
     order: ClassVar[int] = 1
+    form_error: ClassVar[float] = 0.08
     hypothesis: ClassVar[Hypothesis] = Hypothesis(
         (Axis.HISTORY, Axis.PLACE),
         (Signal.FORCE, Signal.COUPON),
