@@ -33,6 +33,7 @@ from ertskin.hardware.recording import Frames, Recording
 from ertskin.physics.effects.channel_gain import ChannelGain
 from ertskin.physics.effects.contact_drift import ContactDrift
 from ertskin.physics.effects.foam_hysteresis import FoamHysteresis
+from ertskin.physics.effects.foam_softening import FoamSoftening
 from ertskin.physics.effects.nonlinear_foam import NonlinearFoam
 from ertskin.physics.effects.piezo_hysteresis import PiezoHysteresis
 from ertskin.physics.effects.registry import build_effects
@@ -207,6 +208,39 @@ def test_force_stage_names_what_the_load_cell_shows(hidden) -> None:
         key = next(iter(true.parameters()))
         assert getattr(found, key) == pytest.approx(getattr(true, key), rel=0.1)
     assert best.chi_square <= linear.chi_square
+
+
+def test_force_stage_names_no_foam_where_the_load_cell_drifts() -> None:
+    history = strokes(12)
+    force = foam_force_n(history, 1800.0, 9000.0, 0.004) + 0.03 * np.sin(history.time_s / 80)[:, None]
+    force = force + 0.01 * np.random.default_rng(3).standard_normal(force.shape)
+    data = ForceData(replace(history, force_n=force), 0.01, 9000.0, 1e-3, 0.004)
+    best = select_force_effects(data, history.press % 3, 10.0, 0.1)[1]
+    assert best.effects == ()
+    assert best.remainder is not None
+    assert "zero" in best.remainder.name
+    assert best.chi_square > 1.5 * np.isfinite(best.residual).sum()
+
+
+@pytest.mark.parametrize(
+    "hidden",
+    [
+        (FoamSoftening(excess=0.1, scale=0.5, driven_by="work"), NonlinearFoam(stiffening=0.2)),
+        (FoamSoftening(excess=0.1, kept=1.0, scale=0.3, driven_by="energy"),),
+        (ViscoelasticFoam(fraction=0.1, time_s=0.1, decades=3.0),),
+    ],
+    ids=["work beside stiffening", "energy", "decades"],
+)
+def test_one_form_of_foam_is_not_taken_for_two_effects(hidden) -> None:
+    history = strokes(12)
+    contact = np.where(history.press[:, None, None] % 2 == 0, history.contact_m, history.contact_m[:1])
+    history = replace(history, contact_m=contact)
+    force = foam_force_n(history, 1800.0, 9000.0, 0.004, hidden)
+    force = force + 0.01 * np.random.default_rng(3).standard_normal(force.shape)
+    data = ForceData(replace(history, force_n=force), 0.01, 9000.0, 1e-3, 0.004)
+    best = select_force_effects(data, history.press % 3, 10.0, 0.1)[1]
+    assert {e.name for e in best.effects} == {e.name for e in hidden}
+    assert best.chi_square < 1.2 * np.isfinite(best.residual).sum()
 
 
 @pytest.mark.parametrize("scan_s", [0.02, 0.4, 2.0])

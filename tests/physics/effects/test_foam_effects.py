@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from scipy.special import erf, exp1
 
+from ertskin.physics.effects.effect import Strokes
 from ertskin.physics.effects.foam_hysteresis import FoamHysteresis
 from ertskin.physics.effects.foam_softening import FoamSoftening
 from ertskin.physics.effects.nonlinear_foam import NonlinearFoam
@@ -78,6 +82,41 @@ def test_first_press_of_a_place_is_stiffer() -> None:
     elsewhere = foam_force_n(presses(2, places=2), PAD, np.inf, FOAM_M, [effect])[:, 0].reshape(2, -1)
     assert again[0, 8] / again[1, 8] == pytest.approx(1.2 / (1 + 0.2 * np.exp(-5)), rel=1e-6)
     assert elsewhere[0, 8] == pytest.approx(elsewhere[1, 8])
+
+
+def test_foam_softened_by_energy_comes_back_to_the_virgin_curve_where_it_has_not_been() -> None:
+    """Ogden and Roxburgh: what earlier presses have put in counts, at 1 the first press knows nothing of it."""
+    effect = FoamSoftening(excess=0.2, kept=1.0, scale=0.1, driven_by="energy")
+    first, again = foam_force_n(presses(2), PAD, np.inf, FOAM_M, [effect])[:, 0].reshape(2, -1)
+    elastic = foam_force_n(presses(1), PAD, np.inf, FOAM_M)[:, 0]
+    np.testing.assert_allclose(first, 1.2 * elastic, rtol=1e-6)
+    energy = (presses(1).depth_m[1:9, 0] / FOAM_M) ** 2
+    virgin = 1 - erf((energy[-1] - energy) / 0.1)
+    np.testing.assert_allclose(again[1:9], elastic[1:9] * (1 + 0.2 * virgin), rtol=1e-5)
+    assert again[8] == pytest.approx(first[8])
+    at_once = foam_force_n(presses(1), PAD, np.inf, FOAM_M, [replace(effect, kept=0.0)])[:, 0]
+    np.testing.assert_allclose(at_once[:9], first[:9], rtol=1e-6)
+    np.testing.assert_allclose(at_once[11:], again[11:], rtol=1e-6)
+
+
+def test_foam_softened_by_work_goes_on_softening_at_the_same_depth() -> None:
+    effect = FoamSoftening(excess=0.2, scale=0.5, driven_by="work")
+    deepest = foam_force_n(presses(4), PAD, np.inf, FOAM_M, [effect])[:, 0].reshape(4, -1)[:, 8]
+    elastic = foam_force_n(presses(1), PAD, np.inf, FOAM_M)[8, 0]
+    put_in = np.arange(1, 5) * (np.nanmax(presses(1).depth_m) / FOAM_M) ** 2
+    np.testing.assert_allclose(deepest, elastic * (1 + 0.2 * np.exp(-put_in / 0.5)), rtol=1e-5)
+
+
+def test_force_relaxes_with_the_logarithm_of_time_over_decades_of_time_constants() -> None:
+    """Against Fung's reduced relaxation function, a step at once: 1 + c (E1(t/tau2) - E1(t/tau1)) / ln(tau2/tau1)."""
+    time_s = np.r_[0.0, 1e-9, np.geomspace(1.0, 30.0, 8)]
+    step = np.r_[0.0, np.ones(9)]
+    still = np.zeros(10, dtype=np.intp)
+    strokes = Strokes(1e-3 * step, step, time_s, step > 0, still, still.astype(np.int64), FOAM_M)
+    force = ViscoelasticFoam(fraction=0.4, time_s=0.1, decades=3.0, remembers_air=True).reaction_n(step, strokes)
+    fung = 1 + 0.4 * (exp1(time_s[2:] / 100.0) - exp1(time_s[2:] / 0.1)) / np.log(1000.0)
+    np.testing.assert_allclose(force[2:], fung, atol=0.4 * 0.05)
+    assert force[1] == pytest.approx(1.4)
 
 
 @pytest.mark.parametrize("stiffening", [-0.3, 0.7, 5.0])

@@ -75,13 +75,13 @@ def _nameless(search: ForceSearch, best: ForceFit) -> tuple[Remainder, float]:
 
 
 def _most(search: ForceSearch, best: ForceFit, score: float) -> tuple[ForceFit, float]:
-    """The likeliest set that has one effect more, or another in one's place, and what it gains held out."""
-    names = [term.effect.name for term in best.terms]
+    """The likeliest set that has one effect more, or another, or another form, in one's place, and what it gains held
+    out."""
     found = [(best, 0.0)]
     for name in force_starts():
-        if name in names:
-            continue
         for rest in (best.terms, *_each_without(best)):
+            if name in [term.effect.name for term in rest]:
+                continue
             fit = search.best_form(rest, name, best)
             # What fits no better foretells no better.
             if best.misfit - fit.misfit > search.threshold:

@@ -3,7 +3,8 @@
 import numpy as np
 
 from ertskin.diagnosis.criteria import DEFAULT
-from ertskin.diagnosis.force.noise import ForceNoise
+from ertskin.diagnosis.force.noise import ForceNoise, pressed_noise
+from ertskin.physics.history import History, Phase
 
 
 def test_noise_known_from_a_dozen_frames_is_seldom_exceeded_by_the_same_noise():
@@ -34,3 +35,20 @@ def test_a_lost_motion_is_seen_by_its_sign_though_it_is_no_larger_than_the_noise
     assert not cell.exceeded(float(np.sqrt(np.mean(lost**2))), 96, DEFAULT)
     assert not cell.leans(rng.permutation(lost), phase, DEFAULT)
     assert not any(cell.leans(0.01 * rng.standard_normal(96), phase, DEFAULT) for _ in range(1000))
+
+
+def test_noise_is_what_changes_from_frame_to_frame_of_a_press():
+    """A drift, and presses that don't repeat, are none; a scatter far above what air shows is no noise of the cell."""
+    rng, presses, frames = np.random.default_rng(2), 30, 15
+    press = np.repeat(np.arange(presses), frames)
+    depth = np.tile(np.r_[np.arange(1, 9), np.arange(7, 0, -1)] / 8e3, presses)[:, None]
+    phase = np.full(len(press), Phase.LOADING, dtype=np.uint8)
+    time_s = np.arange(len(press), dtype=float)
+    history = History(time_s, press, phase, np.zeros((len(press), 1, 2)), depth, 2000.0 * depth)
+    white = 0.01 * rng.standard_normal(len(press))
+    smooth = 0.05 * np.sin(time_s / 100) + 0.03 * rng.standard_normal(presses)[press]
+    found = pressed_noise(history, (white + smooth)[:, None], ForceNoise(0.02, 30))
+    assert found.freedom > 150
+    assert abs(found.rms_n / 0.01 - 1) < 3 / np.sqrt(2 * found.freedom)
+    assert pressed_noise(history, 10 * white[:, None], ForceNoise(0.02, 30)) == ForceNoise(0.02, 30)
+    assert pressed_noise(history, np.full((len(press), 1), np.nan), ForceNoise(0.02, 30)) == ForceNoise(0.02, 30)
