@@ -3,14 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ertskin.diagnosis.fit.joint_fit import Solved, Term, VoltageProblem
-from ertskin.diagnosis.search.first_order_gain import add_leftover, added_gain, held_out_gain, with_columns
+from ertskin.diagnosis.search.first_order_gain import (
+    Moved,
+    add_leftover,
+    added_gain,
+    beyond_networks,
+    held_out_gain,
+    with_columns,
+)
 from ertskin.diagnosis.search.smooth_fields import NodeQuadratic, at_nodes, foretelling
 from ertskin.physics.effects.effect import AcquisitionEffect, Effect, ElectrodeEffect, Parameter, Start, shown_by
 from ertskin.physics.effects.hypothesis import Measured, Signal
@@ -218,7 +225,7 @@ def _instrument(problem: VoltageProblem, solved: Solved, partitions: Sequence[Se
             elif isinstance(start.effect, AcquisitionEffect):
                 found.append(_distorting(problem, start, start.effect, readings, wrong))
             else:
-                found.append(_moving(problem, solved, start, wrong, signal.leftover(skin)))
+                found.append(_moving(problem, solved, start, partitions))
     return [candidate for candidate in found if candidate is not None]
 
 
@@ -254,33 +261,46 @@ def _bending(
     signal, effect = problem.acquisition, effect.scaled_to(problem.acquisition.largest_v)
     scans = signal.scans(problem.family.skin(solved.calibration, solved.effects))
     change = (signal.distorted(scans, (effect,)) - scans) / problem.evidence.noise_v
-    column = problem.evidence.discounted(np.where(problem.weight[:, None] > 0, change, 0.0))[..., None]
-    gradient, hessian = with_columns(problem, solved, column, solved.scan_residual)
+    column = problem.evidence.discounted(np.where(problem.weight[:, None] > 0, change, 0.0))
+    moved = beyond_networks(problem, solved, (effect,))
+    return _through_both(problem, solved, replace(start, effect=effect), column, moved, partitions)
+
+
+def _moving(
+    problem: VoltageProblem, solved: Solved, start: Start, partitions: Sequence[Sequence[int]]
+) -> Candidate | None:
+    """An effect within the chain that no network explains either, such as a press that moves during its scan. The scans
+    tell of it, too: on average it presses elsewhere."""
+    signal, family = problem.acquisition, problem.family
+    still = family.skin(solved.calibration, solved.effects)
+    moving = family.skin(solved.calibration, (*solved.effects, start.effect))
+    beyond = (signal.leftover(moving) - signal.leftover(still))[..., None]
+    column = solved.scan_residual - problem.scan_residual(moving)
+    return _through_both(problem, solved, start, column, lambda mine: beyond[mine], partitions)
+
+
+def _through_both(
+    problem: VoltageProblem,
+    solved: Solved,
+    start: Start,
+    column: Array,
+    moved: Moved,
+    partitions: Sequence[Sequence[int]],
+) -> Candidate | None:
+    """The start by what it adds to the scans (T,P), in units of the noise, and to what no network explains."""
+    gradient, hessian = with_columns(problem, solved, column[..., None], solved.scan_residual)
     by_scans = float(gradient[:, -1].sum()), float(hessian[:, -1, -1].sum())
-    add_leftover(problem, solved, (effect,), gradient, hessian)
+    add_leftover(problem, solved, moved, gradient, hessian)
     prior = np.append(solved.fit.prior.diagonal(), 0.0)
     gain, step = held_out_gain(gradient, hessian, prior, solved.fit.from_prior, partitions)
     along, square = float(gradient[:, -1].sum()) - by_scans[0], float(hessian[:, -1, -1].sum()) - by_scans[1]
     (key,) = start.along
-    known, size = effect.parameters()[key], float(getattr(effect, key))
+    known, size = start.effect.parameters()[key], float(getattr(start.effect, key))
     value = _inside(float(step[-1]) * size, known)
     if not np.isfinite(gain) or (value * size <= 0 and known.low >= 0):
         return None
     beyond = 0.5 * along**2 / square if along > 0 and square > 0 else 0.0
-    return Candidate(Term(effect.changed({key: value}), start.free), gain, beyond)
-
-
-def _moving(problem: VoltageProblem, solved: Solved, start: Start, wrong: Array, before: Array) -> Candidate | None:
-    """An effect within the chain that no network explains either, such as a press that moves during its scan."""
-    (key,) = start.along
-    known, size = start.effect.parameters()[key], float(getattr(start.effect, key))
-    skin = problem.family.skin(solved.calibration, (*solved.effects, start.effect))
-    column = (problem.acquisition.leftover(skin) - before) / problem.evidence.leftover_noise_v
-    gain, share = _one_column(float((column * wrong).sum()), float((column**2).sum()), problem.leftover_share)
-    if share <= 0:
-        return None
-    value = float(np.clip(share * size, 1e-6, 0.9 * known.high))
-    return Candidate(Term(start.effect.changed({key: value}), start.free), gain, gain)
+    return Candidate(Term(start.effect.changed({key: value}), start.free), gain, beyond)
 
 
 def _one_column(along: float, square: float, share: float) -> tuple[float, float]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -86,18 +86,27 @@ def with_columns(
     return gradient, hessian
 
 
-def add_leftover(
-    problem: VoltageProblem, solved: Solved, forms: Sequence[AcquisitionEffect], gradient: Array, hessian: Array
-) -> None:
-    """Count what no network explains in the gradient and Hessian, whose last numbers are those of the ``forms``."""
-    signal, share, where = problem.acquisition, problem.leftover_share, slice(-len(forms), None)
-    skin = problem.family.skin(solved.calibration, solved.effects)
-    wrong, readings = signal.residual(skin), signal.readings(skin)
+Moved = Callable[[NDArray[np.bool_]], Array]
+"""What columns add to the readings of some frames that no network gives: (n,K*M,c) volt of those of a mask."""
+
+
+def beyond_networks(problem: VoltageProblem, solved: Solved, forms: Sequence[AcquisitionEffect]) -> Moved:
+    """What each of the ``forms`` adds to the fit's readings that no network gives."""
+    signal = problem.acquisition
+    readings = signal.readings(problem.family.skin(solved.calibration, solved.effects))
+    return lambda mine: np.stack([signal.beyond_networks(form, readings[mine]) for form in forms], axis=-1)
+
+
+def add_leftover(problem: VoltageProblem, solved: Solved, moved: Moved, gradient: Array, hessian: Array) -> None:
+    """Count what no network explains in the gradient and Hessian, whose last numbers are those of the columns."""
+    signal, share = problem.acquisition, problem.leftover_share
+    wrong = signal.residual(problem.family.skin(solved.calibration, solved.effects))
     cells = problem.cells[signal.rows]
     for cell in np.unique(cells):
         mine = cells == cell
-        moved = np.stack([signal.beyond_networks(form, readings[mine]) for form in forms], axis=-1)
-        flat = moved.reshape(-1, len(forms)) / problem.evidence.leftover_noise_v
+        columns = moved(mine)
+        where = slice(-columns.shape[-1], None)
+        flat = columns.reshape(-1, columns.shape[-1]) / problem.evidence.leftover_noise_v
         curved = hessian[cell]
         gradient[cell, where] += share * (flat.T @ wrong[mine].ravel())
         curved[where, where] += share * (flat.T @ flat)

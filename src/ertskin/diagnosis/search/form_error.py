@@ -17,7 +17,12 @@ from numpy.typing import NDArray
 
 from ertskin.diagnosis.fit.joint_fit import Solved, VoltageProblem
 from ertskin.diagnosis.fit.nonreciprocal import instruments
-from ertskin.diagnosis.search.first_order_gain import add_leftover, held_out_gain, with_columns
+from ertskin.diagnosis.search.first_order_gain import (
+    add_leftover,
+    beyond_networks,
+    held_out_gain,
+    with_columns,
+)
 from ertskin.physics.effects.effect import AcquisitionEffect, Effect
 
 Array = NDArray[np.float64]
@@ -55,7 +60,7 @@ def form_error(
     current = problem.at_hand(solved)
     known = with_columns(problem, current, _columns(problem, current, forms), current.scan_residual)
     if problem.last_leftover is not None:
-        add_leftover(problem, current, forms, *known)
+        add_leftover(problem, current, beyond_networks(problem, current, forms), *known)
     found = [FormError()]
     for spread in SPREADS:
         prior = np.concatenate([current.fit.prior.diagonal(), np.full(len(forms), spread**-2)])
