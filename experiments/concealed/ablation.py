@@ -78,7 +78,7 @@ RULES = {
     ),
     "freed": Rule(
         "forms are freed about the fit itself",
-        (f"{SEARCH}.selection._refined",),
+        (f"{SEARCH}.selection.refined", f"{SEARCH}.exchange.refined"),
         lambda build, incumbent, partitions: incumbent,
     ),
     "own_readings": Rule(

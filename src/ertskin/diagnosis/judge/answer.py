@@ -28,6 +28,7 @@ from ertskin.diagnosis.judge.confidence import (
     left_over,
     mending,
     noisy,
+    of_maps,
     overshadowed,
     reasoned,
     spoiling,
@@ -223,6 +224,7 @@ def _rules(case: Case) -> list[tuple[str, str, Callable[[list[Claim]], list[Clai
             lambda c: noisy(c, case.noisy, criteria),
         ),
         ("spoiling", SPOILT, lambda c: spoiling(c, case.found.spoilt(criteria), criteria)),
+        ("maps", "fields so sure have had the right map less often", of_maps),
     ]
 
 

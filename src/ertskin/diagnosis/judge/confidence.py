@@ -13,16 +13,12 @@ from ertskin.diagnosis.criteria import Criteria
 from ertskin.physics.effects.effect import Effect, Stage, shown_by
 from ertskin.physics.effects.hypothesis import Axis, Measured, Signal
 
-KIN = {
-    Axis.HISTORY: "when",
-    Axis.TIME: "when",
-    Axis.PLACE: "where",
-    Axis.ELECTRODE: "where",
-    Axis.SCAN_ORDER: "how",
-}
-"""Axes along which one effect's wrong form can look like another effect; force alone tells no kin."""
-
 Array = NDArray[np.float64]
+
+MAP_POWER = 5.0
+"""To what power a field's confidence is right. Of 32 fields named in four sealed samples (`experiments/concealed`) 2
+of 21 below 0.95 had the right map, 9 of 11 above it: the likeliest power is 5.5, 3.5 to 8 within half a nat, and gains
+8.5. The 121 other names want 0.8, which gains 0.3: they are left as they are."""
 
 
 def reasoned(before: Sequence[Claim], after: Sequence[Claim], rule: str, why: str) -> list[Claim]:
@@ -56,7 +52,7 @@ def left_over(
             return _explained(before, of_fields, criteria)
         if claim.by_force or (claim.effect.stage == Stage.MECHANICS and shown_by(claim.effect, Signal.FORCE)):
             return 1.0
-        placed = "where" in _kind(claim)
+        placed = "where" in claim.effect.hypothesis.kin
         return _explained(before, after if placed or presses_free is None else presses_free, criteria)
 
     return [replace(c, confidence=c.confidence * share(c)) for c in claims]
@@ -67,6 +63,11 @@ def left_beyond(claims: Sequence[Claim], before: float, after: float, criteria: 
     share = _explained(before, after, criteria)
     shown = [shown_by(claim.effect, Signal.NONRECIPROCAL) and not claim.by_force for claim in claims]
     return [replace(c, confidence=c.confidence * share) if seen else c for c, seen in zip(claims, shown, strict=True)]
+
+
+def of_maps(claims: Sequence[Claim]) -> list[Claim]:
+    """A field is right only where its map is: its confidence by what fields so sure have been right in."""
+    return [replace(c, confidence=c.confidence**MAP_POWER) if c.effect.hypothesis.field else c for c in claims]
 
 
 def spoiling(claims: Sequence[Claim], spoilt: bool, criteria: Criteria) -> list[Claim]:
@@ -103,7 +104,7 @@ def mending(claims: Sequence[Claim], criteria: Criteria, shown: Collection[str] 
     found = []
     for claim in claims:
         seen_alike = [c for c in claims if c.effect.name != claim.effect.name and c.by_force == claim.by_force]
-        kin = [c for c in seen_alike if _kind(c) & _kind(claim)]
+        kin = [c for c in seen_alike if c.effect.hypothesis.kin & claim.effect.hypothesis.kin]
         if claim.effect.hypothesis.measured == Measured.CONTACT_PATH:
             kin = [c for c in kin if shown_by(c.effect, Signal.REST) or getattr(c.effect, "remembers_air", False)]
         strongest = max(kin, key=_excess, default=None)
@@ -175,10 +176,6 @@ def _changing(residual: Array, fitted: NDArray[np.bool_], rest: NDArray[np.bool_
     """Excess mean square of what a misfit of pressed frames has beyond the mean one at rest."""
     change = residual[fitted & ~rest] - residual[fitted & rest].mean(axis=0)
     return float((change**2).mean()) - (1 + 1 / int((fitted & rest).sum()))
-
-
-def _kind(claim: Claim) -> set[str]:
-    return {KIN[axis] for axis in claim.effect.hypothesis.axes if axis in KIN}
 
 
 def _excess(claim: Claim) -> float:

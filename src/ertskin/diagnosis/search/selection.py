@@ -15,14 +15,14 @@ from ertskin.diagnosis.fit.full_solution_check import CheckedFit, checked_fit, e
 from ertskin.diagnosis.fit.joint_fit import Solved, Term, VoltageProblem
 from ertskin.diagnosis.linear.calibration_vector import WIDEST_RATIO, Calibration
 from ertskin.diagnosis.search.candidates import screen
+from ertskin.diagnosis.search.exchange import exchanged
 from ertskin.diagnosis.search.form_error import form_error
-from ertskin.diagnosis.search.forms import freer
 from ertskin.diagnosis.search.gain import gained
-from ertskin.diagnosis.search.smooth_fields import with_smooth_field, with_smooth_fields
+from ertskin.diagnosis.search.settling import refined, where_it_settles
+from ertskin.diagnosis.search.smooth_fields import with_smooth_field
 from ertskin.diagnosis.search.trials import (
     KNOWN,
     Trial,
-    of_frames,
     residual_count,
     rms_of,
     trials_of,
@@ -47,10 +47,6 @@ FORMS = 2
 """How many forms of one effect are settled."""
 AS_GOOD = 0.9
 """Part of what the form that fits best explains, from which on another one may be the better by what it foretells."""
-REFINED = 4
-STILL = 0.97
-"""Part of the misfit down to which freeing forms once more isn't worth it."""
-
 Report = Callable[[float | None, str], None]
 Rivals = tuple[Rival, ...]
 Problem = Callable[[Solved | None], VoltageProblem]
@@ -107,7 +103,7 @@ def select(
         if proposed is not None:
             incumbent, fixed = _without_drifts(build, proposed, fixed)
         # A form is freed about the fit itself: further off it would mend what linearising leaves.
-        incumbent = _refined(build, incumbent, partitions)
+        incumbent = refined(build, incumbent, partitions)
     search = _Search(build, partitions, report, len(fixed), {_key(term): rivals for term, rivals in begun})
     chosen, incumbent = search.pruned(search.grown(incumbent))
     specimen = None if incumbent.problem.specimen is None else "agrees"
@@ -173,7 +169,7 @@ class _Search:
         """The fit without the specimen, and all that follow; as linearised here where it settles nowhere."""
         build = self.build
         self.disagrees, self.build = True, lambda solved: replace(build(solved), specimen=None)
-        proposed = _where_it_settles(self.build, None, incumbent.solved)
+        proposed = where_it_settles(self.build, None, incumbent.solved)
         if proposed is None:
             without, solved = replace(incumbent.problem, specimen=None), incumbent.solved
             return checked_fit(without, without.solve(solved.terms, solved.calibration))
@@ -202,16 +198,30 @@ class _Search:
             named = entered is not None and entered[0].term.name not in {t.name for t in current.terms}
             self.tried.append(Tried((*(t.name for t in current.terms), FORM_ERROR), left, not named))
         if entered is None:
-            return None
+            return self._in_anothers_place(incumbent, trials)
         trial, proposed = entered
         others = [t for t in trials if t.term.name != trial.term.name and t.gain <= (1 + KNOWN) * trial.gain]
         self.stand[_key(trial.term)] = tuple(Rival(t.term.effect, trial.gain - t.gain) for t in others)
-        return _refined(self.build, _reconsidered(self.build, proposed), self.partitions)
+        return refined(self.build, _reconsidered(self.build, proposed), self.partitions)
+
+    def _in_anothers_place(self, incumbent: CheckedFit, trials: Sequence[Trial]) -> CheckedFit | None:
+        """With a trial's term in the place of one that it may be taken for, where that is likelier; None where none is.
+
+        The first of two that explain nearly the same hides what the second would gain alone.
+        """
+        found = exchanged(self.build, incumbent, trials, self.fixed, self.partitions)
+        if found is None:
+            return None
+        left, proposed, gain = found
+        entered = proposed.solved.terms[-1]
+        self.tried.append(Tried(tuple(term.name for term in proposed.solved.terms), gain, True))
+        self.stand[_key(entered)] = (Rival(left.effect, gain),)
+        return _reconsidered(self.build, proposed)
 
     def pruned(self, incumbent: CheckedFit) -> tuple[tuple[Chosen, ...], CheckedFit]:
         """What is left without terms that the others have made superfluous, where the skin is the linearised one."""
         chosen, current = _backward(incumbent.problem, incumbent.solved, self.fixed, self.partitions, self.stand)
-        proposed = _where_it_settles(self.build, incumbent.problem, current)
+        proposed = where_it_settles(self.build, incumbent.problem, current)
         if proposed is None or proposed.problem is incumbent.problem:
             return chosen, replace(incumbent, solved=current)
         # What is left may fit as well elsewhere only because the skin was linearised far from there.
@@ -246,7 +256,7 @@ def _reconsidered(build: Problem, incumbent: CheckedFit) -> CheckedFit:
     again = incumbent.problem.solve(solved.terms, nominal, leftover=solved.leftover)
     if again.cost >= solved.cost:
         return incumbent
-    proposed = _where_it_settles(build, incumbent.problem, again)
+    proposed = where_it_settles(build, incumbent.problem, again)
     return incumbent if proposed is None or proposed.spoils(incumbent) else proposed
 
 
@@ -265,7 +275,7 @@ def _begun(build: Problem, without: CheckedFit, terms: Sequence[Term]) -> Checke
         begin = without.problem.solve(terms, replace(calibration, contact_ohm=contacts), steps=0)
     else:
         begin = without.problem.solve(terms, calibration)
-    return _where_it_settles(build, None, begin)
+    return where_it_settles(build, None, begin)
 
 
 def _without_drifts(build: Problem, incumbent: CheckedFit, fixed: Sequence[Term]) -> tuple[CheckedFit, Sequence[Term]]:
@@ -276,7 +286,7 @@ def _without_drifts(build: Problem, incumbent: CheckedFit, fixed: Sequence[Term]
     still = [term for term in incumbent.solved.terms if not _path_of_contact(term)]
     if not creeps or len(still) == len(incumbent.solved.terms):
         return incumbent, fixed
-    proposed = _where_it_settles(build, None, incumbent.problem.solve(still, incumbent.solved.calibration))
+    proposed = where_it_settles(build, None, incumbent.problem.solve(still, incumbent.solved.calibration))
     chance = incumbent.problem.evidence.criteria.chance_ratio
     if proposed is None or proposed.spoils(incumbent) or _at_rest(proposed) > chance * _at_rest(incumbent):
         return incumbent, fixed
@@ -307,7 +317,7 @@ def _first_to_hold(
         alike = [t for t in left if t.term.name == first.term.name and t.gain > ALIKE * first.gain]
         left = [t for t in left if t not in alike]
         forms = alike if len(alike) <= FORMS else sorted(alike, key=lambda t: unlikely(t.solved))[:FORMS]
-        places = [(form, _where_it_settles(build, None, form.solved)) for form in forms]
+        places = [(form, where_it_settles(build, None, form.solved)) for form in forms]
         held = [(form, fit) for form, fit in places if fit is not None and not fit.spoils(incumbent)]
         if held:
             form, fit = _best_form(incumbent, held, partitions)
@@ -358,9 +368,11 @@ def _of_few_numbers(
             continue
         if trial.gain < criteria.most_share * field.gain:
             continue
-        simpler = _where_it_settles(build, None, trial.solved)
+        simpler = where_it_settles(build, None, trial.solved)
         if simpler is None or simpler.spoils(incumbent):
             continue
+        # Whatever its form leaves a field would take up.
+        simpler = refined(build, simpler, partitions)
         solved, bare = simpler.solved, Term(type(field.term.effect)(), ())
         begun = simpler.problem.solve([*solved.terms, bare], solved.calibration, steps=0)
         both = with_smooth_field(simpler.problem, begun, len(solved.terms), partitions) or solved
@@ -373,58 +385,14 @@ def _of_few_numbers(
     return entered
 
 
-def _where_it_settles(build: Problem, problem: VoltageProblem | None, solved: Solved) -> CheckedFit | None:
-    """Where a fit comes to rest; made with ``problem`` it may hold as it is. None where there is no such sheet."""
-    try:
-        if problem is not None:
-            checked = checked_fit(problem, solved)
-            if not checked.linearisation_fails:
-                return checked
-        return settled(build, solved)
-    except (MeshError, np.linalg.LinAlgError):
-        return None
-
-
 def _gone_elsewhere(build: Problem, problem: VoltageProblem, solved: Solved) -> CheckedFit | None:
     """Where a fit of the ``problem`` comes to rest; None where it rests already."""
-    fit = _where_it_settles(build, problem, solved)
+    fit = where_it_settles(build, problem, solved)
     return None if fit is None or fit.problem is problem else fit
 
 
 def _key(term: Term) -> str:
     return f"{term.name}:{getattr(term.effect, 'electrode', getattr(term.effect, 'channel', ''))}"
-
-
-def _refined(build: Problem, incumbent: CheckedFit, partitions: Sequence[Sequence[int]]) -> CheckedFit:
-    """Free what selection held, where that predicts better: a loop's shape, time constants of creep, smooth fields.
-
-    What has taken the fit far is settled, and what was freed about the old place freed about the new one again.
-    """
-    for _ in range(REFINED):
-        freed = _freed(incumbent, partitions)
-        if freed is incumbent.solved:
-            break
-        proposed = _where_it_settles(build, incumbent.problem, freed)
-        if proposed is None or proposed.spoils(incumbent):
-            break
-        before, incumbent = incumbent, proposed
-        if incumbent.misfit > STILL * before.misfit:
-            break
-    return incumbent
-
-
-def _freed(fit: CheckedFit, partitions: Sequence[Sequence[int]]) -> Solved:
-    problem, current = fit.problem, fit.solved
-    criteria = problem.evidence.criteria
-    for number, term in enumerate(current.terms):
-        for form in freer(term):
-            terms = [*current.terms[:number], form, *current.terms[number + 1 :]]
-            freed = problem.solve(terms, current.calibration, leftover=current.leftover)
-            gain = gained(current, freed, partitions, criteria)
-            # No name hangs on a form, and so few numbers can't lower the misfit that much by chance.
-            if gain > criteria.significant_gain or of_frames(freed) < STILL**2 * of_frames(current):
-                current = freed
-    return with_smooth_fields(problem, current, partitions)
 
 
 def _backward(

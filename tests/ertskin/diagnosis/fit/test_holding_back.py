@@ -14,7 +14,7 @@ from ertskin.diagnosis.criteria import DEFAULT
 from ertskin.diagnosis.fit.full_solution_check import CheckedFit
 from ertskin.diagnosis.fit.joint_fit import Solved, Term, _numbers, held_out
 from ertskin.diagnosis.fit.levenberg_marquardt import Fit, Quadratic
-from ertskin.diagnosis.search import selection, trials
+from ertskin.diagnosis.search import selection, settling, trials
 from ertskin.physics.conduction.mesh import MeshError
 from ertskin.physics.effects.crosstalk import Crosstalk
 from ertskin.physics.effects.indenter_offset import IndenterOffset
@@ -82,7 +82,7 @@ def test_a_term_that_one_cell_alone_wants_gains_nothing_held_out() -> None:
 def test_a_term_that_spoils_frames_solved_in_full_gives_way_to_the_next(monkeypatch: pytest.MonkeyPatch) -> None:
     incumbent, wild, tame = (CheckedFit(PROBLEM, None, misfit, 0.0) for misfit in (3.0, 9.0, 2.0))  # type: ignore[arg-type]
     settle = {"wild": wild, "tame": tame}
-    monkeypatch.setattr(selection, "settled", lambda build, solved: settle[solved])
+    monkeypatch.setattr(settling, "settled", lambda build, solved: settle[solved])
     trials = [trial("wild", "one", 50.0), trial("tame", "other", 40.0)]
     found = selection._first_to_hold(None, incumbent, trials, [])  # type: ignore[arg-type]
     assert found is not None
@@ -100,7 +100,7 @@ def test_of_forms_that_gain_alike_the_one_that_fits_best_where_it_settles(
 ) -> None:
     incumbent, first, second = (CheckedFit(PROBLEM, None, misfit, 0.0) for misfit in (3.0, 2.0, 1.5))  # type: ignore[arg-type]
     settle = {"first": first, "second": second}
-    monkeypatch.setattr(selection, "settled", lambda build, solved: settle[solved])
+    monkeypatch.setattr(settling, "settled", lambda build, solved: settle[solved])
     trials = [trial("first", "spot", 50.0), trial("second", "spot", gain)]
     found = selection._first_to_hold(None, incumbent, trials, [])  # type: ignore[arg-type]
     assert found is not None
@@ -117,7 +117,7 @@ def test_of_forms_of_a_field_that_explain_alike_the_one_that_foretells_cells_bes
         name: CheckedFit(PROBLEM, name, rms, 0.0)  # type: ignore[arg-type]
         for name, rms in (("free", 1.4), ("few", misfit))
     }
-    monkeypatch.setattr(selection, "settled", lambda build, solved: settle[solved])
+    monkeypatch.setattr(settling, "settled", lambda build, solved: settle[solved])
     costs = {"free": 20.0, "few": foretold}
     monkeypatch.setattr(selection, "_foretelling", lambda fit, partitions: costs[fit.solved])
     incumbent = CheckedFit(PROBLEM, None, 3.0, 0.0)  # type: ignore[arg-type]
@@ -129,7 +129,7 @@ def test_of_forms_of_a_field_that_explain_alike_the_one_that_foretells_cells_bes
 
 def test_a_form_that_gains_less_has_its_turn_where_the_best_spoils(monkeypatch: pytest.MonkeyPatch) -> None:
     incumbent, wild, tame = (CheckedFit(PROBLEM, None, misfit, 0.0) for misfit in (3.0, 9.0, 2.0))  # type: ignore[arg-type]
-    monkeypatch.setattr(selection, "settled", lambda build, solved: {"wild": wild, "tame": tame}[solved])
+    monkeypatch.setattr(settling, "settled", lambda build, solved: {"wild": wild, "tame": tame}[solved])
     trials = [trial("wild", "spot", 100.0), trial("tame", "spot", 30.0)]
     found = selection._first_to_hold(None, incumbent, trials, [])  # type: ignore[arg-type]
     assert found is not None
@@ -151,7 +151,7 @@ def test_a_trial_that_settles_where_no_sheet_is_gives_way_too(error: Exception, 
         return tame
 
     incumbent, tame = (CheckedFit(PROBLEM, None, misfit, 0.0) for misfit in (3.0, 2.0))  # type: ignore[arg-type]
-    monkeypatch.setattr(selection, "settled", settle)
+    monkeypatch.setattr(settling, "settled", settle)
     trials = [trial("nowhere", "one", 50.0), trial("there", "other", 40.0)]
     found = selection._first_to_hold(None, incumbent, trials, [])  # type: ignore[arg-type]
     assert found is not None

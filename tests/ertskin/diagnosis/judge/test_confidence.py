@@ -17,6 +17,7 @@ from ertskin.diagnosis.judge.confidence import (
     left_over_of_force,
     mending,
     noisy,
+    of_maps,
     overshadowed,
     reasoned,
     spoiling,
@@ -92,6 +93,14 @@ def test_contacts_seen_to_wander_at_rest_mend_no_form_of_what_only_presses_show(
 def test_a_name_of_a_noisy_channel_is_half_as_sure() -> None:
     gains = [claim(ChannelGain(gain=0.01, channel=channel), 2.0) for channel in (3, 8)]
     assert [c.confidence for c in noisy(gains, {8: 2.9}, DEFAULT)] == pytest.approx([0.95, 0.475])
+
+
+def test_fields_are_as_sure_as_fields_have_been_right() -> None:
+    field, loop = of_maps(
+        [replace(claim(effect, 2.0), confidence=0.8) for effect in (PiezoInhomogeneity(), PiezoHysteresis())]
+    )
+    assert field.confidence == pytest.approx(0.328, abs=1e-3)
+    assert loop.confidence == 0.8
 
 
 def test_names_that_spoil_the_prediction_are_half_as_sure() -> None:

@@ -30,7 +30,7 @@ def test_a_specimen_that_shows_nothing_of_what_the_skin_remembers_is_left_out(
     incumbent, apart = checked_fit(own), checked_fit()
     made = selection._Search(None, [], lambda share, text: None, 0, {})  # type: ignore[arg-type]
     monkeypatch.setattr(selection, "remembers_alike", lambda specimen, effects, criteria: alike)
-    monkeypatch.setattr(selection, "_where_it_settles", lambda build, problem, solved: apart)
+    monkeypatch.setattr(selection, "where_it_settles", lambda build, problem, solved: apart)
     monkeypatch.setattr(selection, "_reconsidered", lambda build, proposed: proposed)
     left_out = not alike and not own
     assert made._where_readings_remember(incumbent) is (apart if left_out else incumbent)
@@ -42,7 +42,7 @@ def test_a_specimen_that_differs_in_the_end_has_no_say_in_what_is_named(monkeypa
     incumbent, apart = checked_fit((LOOP,)), checked_fit()
     apart = replace(apart, problem=SimpleNamespace(specimen=None))  # type: ignore[arg-type]
     monkeypatch.setattr(selection, "remembers_alike", lambda specimen, effects, criteria: False)
-    monkeypatch.setattr(selection, "_where_it_settles", lambda build, problem, solved: apart)
+    monkeypatch.setattr(selection, "where_it_settles", lambda build, problem, solved: apart)
     monkeypatch.setattr(selection, "_reconsidered", lambda build, proposed: proposed)
     calibrations = iter((incumbent, apart))
     monkeypatch.setattr(selection, "_calibrated", lambda build, fixed, start: next(calibrations))

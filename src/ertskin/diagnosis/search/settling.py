@@ -1,0 +1,63 @@
+"""Where a fit comes to rest: linearised about itself, its forms freed where that predicts better."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ertskin.diagnosis.fit.full_solution_check import CheckedFit, Problem, checked_fit, settled
+from ertskin.diagnosis.fit.joint_fit import Solved, VoltageProblem
+from ertskin.diagnosis.search.forms import freer
+from ertskin.diagnosis.search.gain import gained
+from ertskin.diagnosis.search.smooth_fields import with_smooth_fields
+from ertskin.diagnosis.search.trials import of_frames
+from ertskin.physics.conduction.mesh import MeshError
+
+REFINED = 4
+STILL = 0.97
+"""Part of the misfit down to which freeing forms once more isn't worth it."""
+
+
+def where_it_settles(build: Problem, problem: VoltageProblem | None, solved: Solved) -> CheckedFit | None:
+    """Where a fit comes to rest; made with ``problem`` it may hold as it is. None where there is no such sheet."""
+    try:
+        if problem is not None:
+            checked = checked_fit(problem, solved)
+            if not checked.linearisation_fails:
+                return checked
+        return settled(build, solved)
+    except (MeshError, np.linalg.LinAlgError):
+        return None
+
+
+def refined(build: Problem, incumbent: CheckedFit, partitions: Sequence[Sequence[int]]) -> CheckedFit:
+    """Free what selection held, where that predicts better: a loop's shape, time constants of creep, smooth fields.
+
+    What has taken the fit far is settled, and what was freed about the old place freed about the new one again.
+    """
+    for _ in range(REFINED):
+        freed = _freed(incumbent, partitions)
+        if freed is incumbent.solved:
+            break
+        proposed = where_it_settles(build, incumbent.problem, freed)
+        if proposed is None or proposed.spoils(incumbent):
+            break
+        before, incumbent = incumbent, proposed
+        if incumbent.misfit > STILL * before.misfit:
+            break
+    return incumbent
+
+
+def _freed(fit: CheckedFit, partitions: Sequence[Sequence[int]]) -> Solved:
+    problem, current = fit.problem, fit.solved
+    criteria = problem.evidence.criteria
+    for number, term in enumerate(current.terms):
+        for form in freer(term):
+            terms = [*current.terms[:number], form, *current.terms[number + 1 :]]
+            freed = problem.solve(terms, current.calibration, leftover=current.leftover)
+            gain = gained(current, freed, partitions, criteria)
+            # No name hangs on a form, and so few numbers can't lower the misfit that much by chance.
+            if gain > criteria.significant_gain or of_frames(freed) < STILL**2 * of_frames(current):
+                current = freed
+    return with_smooth_fields(problem, current, partitions)

@@ -1,0 +1,54 @@
+"""Of two memories that explain nearly the same the right one takes the place of the one that entered first."""
+
+from __future__ import annotations
+
+import pytest
+from small_problem import PARTITIONS, START, recorded
+
+from ertskin.diagnosis.fit.full_solution_check import CheckedFit, checked_fit
+from ertskin.diagnosis.fit.joint_fit import Term
+from ertskin.diagnosis.search.exchange import exchanged
+from ertskin.diagnosis.search.trials import Trial
+from ertskin.physics.effects.effect import Effect
+from ertskin.physics.effects.piezo_creep import PiezoCreep
+from ertskin.physics.effects.piezo_hysteresis import PiezoHysteresis
+from ertskin.physics.effects.sheet_anisotropy import SheetAnisotropy
+
+LOOP, CREEP = PiezoHysteresis(width=0.1), PiezoCreep(fraction=0.1, time_s=10.0)
+FREE = {LOOP.name: ("width",), CREEP.name: ("fraction",), SheetAnisotropy.name: ("stretch_x",)}
+
+
+def both_ways(hidden: Effect, first: Effect, second: Effect, fixed: int = 0) -> tuple[CheckedFit, list[Trial], int]:
+    """The fit of readings with one effect by the first, and the trial of the second beside it."""
+    problem = recorded(hidden)
+    one, other = (Term(effect, FREE[effect.name]) for effect in (first, second))
+    incumbent = checked_fit(problem, problem.solve([one], START))
+    solved = problem.solve([*incumbent.solved.terms, other], incumbent.solved.calibration)
+    return incumbent, [Trial(solved.terms[-1], 0.0, solved)], fixed
+
+
+def swapped(incumbent: CheckedFit, trials: list[Trial], fixed: int) -> tuple[Term, CheckedFit, float] | None:
+    return exchanged(lambda solved: incumbent.problem, incumbent, trials, fixed, PARTITIONS)
+
+
+@pytest.mark.parametrize(("hidden", "wrong"), [(LOOP, CREEP), (CREEP, LOOP)])
+def test_the_right_memory_takes_the_wrong_one_s_place(hidden: Effect, wrong: Effect) -> None:
+    found = swapped(*both_ways(hidden, wrong, hidden))
+    assert found is not None
+    left, fit, gain = found
+    assert left.name == wrong.name
+    assert [effect.name for effect in fit.solved.effects] == [hidden.name]
+    (key,) = FREE[hidden.name]
+    assert fit.solved.effects[0].value(key) == pytest.approx(hidden.value(key), rel=0.05)
+    assert gain > 100.0
+
+
+@pytest.mark.parametrize(("hidden", "wrong"), [(LOOP, CREEP), (CREEP, LOOP)])
+def test_the_wrong_memory_doesn_t_take_the_right_one_s_place(hidden: Effect, wrong: Effect) -> None:
+    assert swapped(*both_ways(hidden, hidden, wrong)) is None
+
+
+def test_what_belongs_to_every_set_and_what_is_no_kin_stay() -> None:
+    assert swapped(*both_ways(LOOP, CREEP, LOOP, fixed=1)) is None
+    stretch = SheetAnisotropy(stretch_x=0.05)
+    assert swapped(*both_ways(stretch, CREEP, stretch)) is None
