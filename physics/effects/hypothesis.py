@@ -29,6 +29,16 @@ class Axis(StrEnum):
     SCAN_ORDER = "scan_order"
 
 
+KIN = {
+    Axis.HISTORY: "when",
+    Axis.TIME: "when",
+    Axis.PLACE: "where",
+    Axis.ELECTRODE: "where",
+    Axis.SCAN_ORDER: "how",
+}
+"""Axes along which one effect's wrong form can look like another effect; force alone tells no kin."""
+
+
 class Need(StrEnum):
     """What a recording must contain for an effect to be identified at all."""
 
@@ -70,3 +80,8 @@ class Hypothesis:
     field: bool = False
     must_show_at_rest: bool = False
     measured: Measured | None = None
+
+    @property
+    def kin(self) -> frozenset[str]:
+        """As what the effect's wrong form may look: another effect of "when", "where" or "how"."""
+        return frozenset(KIN[axis] for axis in self.axes if axis in KIN)

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ertskin.diagnosis.contract.claims import Diagnosis, HeldOut
+from ertskin.diagnosis.contract.claims import Diagnosis, HeldOut, Rival
 from ertskin.diagnosis.criteria import DEFAULT, Criteria
 from ertskin.diagnosis.design.doubtful_claim import settling_press
 from ertskin.diagnosis.fit.full_solution_check import Problem, exact, settled
@@ -39,6 +40,8 @@ Indices = NDArray[np.intp]
 Report = Callable[[float | None, str], None]
 Selector = Callable[..., Selection]
 """With the arguments of ``select``."""
+Shown = list[tuple[Term, tuple[Rival, ...]]]
+"""Terms that a search begins with, and their rivals where they were shown."""
 
 FOLDS = 6
 START_RATIO = 0.0
@@ -114,7 +117,9 @@ def _for_simulation(
     report(0.94, "fitting all presses, which are few, for what is handed on")
     # How far a field spreads is chosen, not fitted: of too few places it is chosen wrongly.
     if presses < FEW or any(term.modes is not None for term in selection.after.terms):
-        return _handing_on(findings, lambda: _selected(evidence, baseline, family, everything, selector, _silent))
+        begun = [(chosen.term, chosen.rivals) for chosen in selection.chosen if chosen.term.modes is None]
+        again = partial(_selected, evidence, baseline, family, everything, selector, _silent, begun or None)
+        return _handing_on(findings, again)
     return _handing_on(findings, lambda: _fitted_to(everything, evidence, baseline, family, selection))
 
 
@@ -163,19 +168,30 @@ def _saying(diagnosis: Diagnosis, said: str) -> Diagnosis:
 
 
 def _selected(
-    evidence: Evidence, baseline: Baseline, family: SkinFamily, fitted: Indices, selector: Selector, report: Report
+    evidence: Evidence,
+    baseline: Baseline,
+    family: SkinFamily,
+    fitted: Indices,
+    selector: Selector,
+    report: Report,
+    begun: Shown | None = None,
 ) -> Selection:
-    """The effects that the frames ``fitted`` show, beginning with those that other signals have named."""
+    """The effects that the frames ``fitted`` show, beginning with those ``begun``, or that other signals have named."""
     build, start = _building(evidence, baseline, family, fitted, report), _start(baseline)
     fixed = [Term(e, e.hypothesis.also_in_readings) for e in baseline.skin.effects]
-    begun = [(Term(f.effect, f.free), f.rivals) for f in baseline.specimen_findings]
-    if baseline.displaced is not None:
-        starts = type(baseline.displaced).reading_starts(evidence.sensor, evidence.protocol)
-        begun.append((Term(baseline.displaced, starts[0].free), ()))
     partitions = _partitions(folds_of(evidence.history.press[fitted], FOLDS))
-    found = selector(build, fixed, begun, start, partitions, report)
+    found = selector(build, fixed, begun or _shown(evidence, baseline), start, partitions, report)
     # Another way to choose answers for what it chooses itself.
     return that_foretells(found, partitions) if selector is select else found
+
+
+def _shown(evidence: Evidence, baseline: Baseline) -> Shown:
+    """What the specimen and rest have named, with its rivals there."""
+    found: Shown = [(Term(f.effect, f.free), f.rivals) for f in baseline.specimen_findings]
+    if baseline.displaced is not None:
+        starts = type(baseline.displaced).reading_starts(evidence.sensor, evidence.protocol)
+        found.append((Term(baseline.displaced, starts[0].free), ()))
+    return found
 
 
 def _building(evidence: Evidence, baseline: Baseline, family: SkinFamily, fitted: Indices, report: Report) -> Problem:

@@ -9,10 +9,23 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
-from ertskin.diagnosis.fit.cross_validation import log_misfit, numbers_of, refitted
-from ertskin.diagnosis.fit.joint_fit import held_out
+from ertskin.diagnosis.fit.cross_validation import log_misfit, numbers_of, of_scans, refitted
+from ertskin.diagnosis.fit.joint_fit import Solved, VoltageProblem, held_out
 from ertskin.diagnosis.search.selection import Selection
+
+Array = NDArray[np.float64]
+
+
+def _by_a_step(problem: VoltageProblem, solved: Solved, partitions: Sequence[Sequence[int]]) -> Array:
+    """(len(partitions),) half chi-square of the cells' scans after a step to the fit of all the others.
+
+    Of what no network explains, which a fit without the instrument's names doesn't count, only the change is in it.
+    """
+    cost = solved.fit.quadratic.cost
+    change = held_out(solved, partitions) - np.array([cost[list(out)].sum() for out in partitions])
+    return of_scans(problem, solved, partitions) + change
 
 
 def that_foretells(selection: Selection, partitions: Sequence[Sequence[int]]) -> Selection:
@@ -24,10 +37,9 @@ def that_foretells(selection: Selection, partitions: Sequence[Sequence[int]]) ->
     problem, before, after = selection.problem, selection.before, selection.after
     numbers = numbers_of(problem, partitions)
     allowed = numbers.sum() * np.log(problem.evidence.criteria.mismatch_ratio)
-    fitted = np.array([before.fit.quadratic.cost[list(out)].sum() for out in partitions])
-    if (
-        not selection.chosen
-        or log_misfit(held_out(after, partitions), numbers) <= log_misfit(fitted, numbers) + allowed
+    fitted = of_scans(problem, before, partitions)
+    if not selection.chosen or log_misfit(_by_a_step(problem, after, partitions), numbers) <= (
+        log_misfit(fitted, numbers) + allowed
     ):
         return selection
     without = problem.solve(before.terms, before.calibration)

@@ -93,3 +93,13 @@ def test_what_a_step_from_the_fit_foretells_well_enough_is_fitted_no_further(mon
     monkeypatch.setattr(foretold, "held_out", lambda solved, partitions: np.ones(6))
     monkeypatch.setattr(foretold, "refitted", lambda *given: pytest.fail("fitted"))
     assert that_foretells(selection, PARTITIONS) is selection
+
+
+def test_what_no_network_explains_has_no_part_in_what_a_step_foretells(monkeypatch: pytest.MonkeyPatch) -> None:
+    problem = Line(20 * PLACE + noise())
+    before, after = problem.solve(1, None), problem.solve(2, None)
+    after.fit.quadratic.cost += 1e4
+    selection = Selection(before, after, ("a term",), problem, ())  # type: ignore[arg-type]
+    monkeypatch.setattr(foretold, "held_out", lambda solved, partitions: np.full(6, 1e4 + 1.0))
+    monkeypatch.setattr(foretold, "refitted", lambda *given: pytest.fail("fitted"))
+    assert that_foretells(selection, PARTITIONS) is selection
