@@ -30,7 +30,7 @@ class ContactPressureDependence(ElectrodeEffect):
 
     name: ClassVar[str] = "contact_pressure_dependence"
     source: ClassVar[str] = "Holm, Electric Contacts (1967): constriction resistance as a power of the load"
-    form_error: ClassVar[float] = 0.15
+    form_error: ClassVar[float] = 0.3
     hypothesis: ClassVar[Hypothesis] = Hypothesis((Axis.ELECTRODE, Axis.FORCE), (Signal.READINGS,), (Need.PRESSES,))
 
     sensitivity_per_pa: float = parameter("1/Pa", 0.0, 0.1, 0.0, 2e-5, "relative fall per pressure, at first")

@@ -31,7 +31,7 @@ class ViscoelasticFoam(FoamEffect):
         "Fung, Biomechanics (1981), section 7.6"
     )
     order: ClassVar[int] = 3
-    form_error: ClassVar[float] = 0.2
+    form_error: ClassVar[float] = 0.35
     hypothesis: ClassVar[Hypothesis] = Hypothesis(
         (Axis.HISTORY, Axis.TIME),
         (Signal.FORCE, Signal.COUPON),
