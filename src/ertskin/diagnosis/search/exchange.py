@@ -9,6 +9,9 @@ from ertskin.diagnosis.fit.joint_fit import Solved, Term, held_out
 from ertskin.diagnosis.search.settling import refined, where_it_settles
 from ertskin.diagnosis.search.trials import Trial, of_frames, unlikely
 
+MENDED = 1.5
+"""Times the half chi-square at hand up to which freeing its forms may make a swap the likelier one."""
+
 
 def exchanged(
     build: Problem,
@@ -28,6 +31,8 @@ def exchanged(
     if not swaps:
         return None
     left, solved = min(swaps, key=lambda swap: of_frames(swap[1]))
+    if of_frames(solved) > MENDED * of_frames(current):
+        return None
     proposed = where_it_settles(build, None, solved)
     if proposed is None:
         return None
