@@ -81,6 +81,11 @@ RULES = {
         (f"{SEARCH}.selection.refined", f"{SEARCH}.exchange.refined"),
         lambda build, incumbent, partitions: incumbent,
     ),
+    "exchange": Rule(
+        "an effect takes the place of one that it may be taken for where that is likelier",
+        (f"{SEARCH}.selection.exchanged",),
+        lambda build, incumbent, trials, fixed, partitions: None,
+    ),
     "own_readings": Rule(
         "a specimen that shows nothing of what the skin remembers is left out at once",
         (f"{SEARCH}.selection._Search._where_readings_remember",),
