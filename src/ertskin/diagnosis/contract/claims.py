@@ -51,7 +51,7 @@ class FieldMap:
         """As ``diagnosis.json`` wants it."""
         numbers = {"point_m": np.round(self.point_m, 6).tolist(), "value": np.round(self.value, 5).tolist()}
         if self.error is not None and self.determined is not None:
-            numbers |= {"error": np.round(self.error, 5).tolist(), "told": self.determined.tolist()}
+            numbers |= {"error": np.round(self.error, 5).tolist(), "determined": self.determined.tolist()}
         return numbers
 
 

@@ -214,7 +214,7 @@ def _rules(case: Case) -> list[tuple[str, str, Callable[[list[Claim]], list[Clai
             lambda c: overshadowed(c, shape, ratios, case.leftover, criteria),
         ),
         (
-            "standing_only",
+            "at_rest_only",
             "it explains what stands at rest, but little of what presses change",
             lambda c: static_only(c, residuals, rest, criteria, shown),
         ),
