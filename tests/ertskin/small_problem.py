@@ -8,6 +8,7 @@ import numpy as np
 from small_skin import FOUR_PRESSES, SMALL, four_presses, small_law, small_sensor
 
 from ertskin.diagnosis.fit.joint_fit import VoltageProblem
+from ertskin.diagnosis.fit.nonreciprocal import instruments
 from ertskin.diagnosis.linear.calibration_vector import SHAPE, Calibration, SkinFamily
 from ertskin.diagnosis.linear.linear_skin import LinearSkin
 from ertskin.diagnosis.recording.evidence import Evidence
@@ -44,4 +45,6 @@ def recorded(*effects: Effect) -> VoltageProblem:
     still = problem(np.zeros(shape))
     assert len(still.acquisition.rows) == len(seen)
     readings = still.acquisition.readings(replace(skin, effects=effects))
+    for instrument in instruments(effects):
+        readings = instrument.distorted_v(readings, SCAN)
     return problem(readings + NOISE_V * np.random.default_rng(0).standard_normal(shape))

@@ -56,7 +56,7 @@ def test_quick_laws_leave_what_was_measured(name: str) -> None:
     measured, skin = json.loads(LAWS.read_text()), skin_of(SEEDS[0])
     for kind in FORMS[name]:
         expected = measured[f"{name}/{kind.form}"]["by_skin"][0]
-        assert MEASURED[name](kind, skin) == pytest.approx(expected, abs=2e-3, rel=0.03)
+        assert MEASURED[name](kind, skin) == pytest.approx(expected, abs=6e-3 if name == "self_heating" else 2e-3)
 
 
 @pytest.mark.parametrize("form", ["rolls", "hills"])

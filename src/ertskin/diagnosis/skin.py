@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -40,7 +40,7 @@ Indices = NDArray[np.intp]
 Report = Callable[[float | None, str], None]
 Selector = Callable[..., Selection]
 """With the arguments of ``select``."""
-Shown = list[tuple[Term, tuple[Rival, ...]]]
+Shown = Sequence[tuple[Term, tuple[Rival, ...]]]
 """Terms that a search begins with, and their rivals where they were shown."""
 
 FOLDS = 6
@@ -109,7 +109,8 @@ def _for_simulation(
     report: Report,
 ) -> Findings:
     """The findings, of which what is handed on is fitted to all presses where they are few, and chosen from all of
-    them where they are very few or have shown a field. What spoils predictions isn't looked for again."""
+    them, beginning with what was found, where they are very few or have shown a field. What spoils predictions isn't
+    looked for again."""
     everything, presses = all_fitted(evidence)
     nothing = findings.diagnosis.spoilt or (presses >= FEW and not selection.after.effects)
     if presses >= MANY or nothing or findings.diagnosis.verdict == "no_mismatch":
@@ -117,8 +118,8 @@ def _for_simulation(
     report(0.94, "fitting all presses, which are few, for what is handed on")
     # How far a field spreads is chosen, not fitted: of too few places it is chosen wrongly.
     if presses < FEW or any(term.modes is not None for term in selection.after.terms):
-        begun = [(chosen.term, chosen.rivals) for chosen in selection.chosen if chosen.term.modes is None]
-        again = partial(_selected, evidence, baseline, family, everything, selector, _silent, begun or None)
+        begun = [(term, chosen.rivals) for term, chosen in selection.found if term.modes is None]
+        again = partial(_selected, evidence, baseline, family, everything, selector, _silent, begun)
         return _handing_on(findings, again)
     return _handing_on(findings, lambda: _fitted_to(everything, evidence, baseline, family, selection))
 
@@ -174,7 +175,7 @@ def _selected(
     fitted: Indices,
     selector: Selector,
     report: Report,
-    begun: Shown | None = None,
+    begun: Shown = (),
 ) -> Selection:
     """The effects that the frames ``fitted`` show, beginning with those ``begun``, or that other signals have named."""
     build, start = _building(evidence, baseline, family, fitted, report), _start(baseline)
@@ -187,7 +188,7 @@ def _selected(
 
 def _shown(evidence: Evidence, baseline: Baseline) -> Shown:
     """What the specimen and rest have named, with its rivals there."""
-    found: Shown = [(Term(f.effect, f.free), f.rivals) for f in baseline.specimen_findings]
+    found = [(Term(f.effect, f.free), f.rivals) for f in baseline.specimen_findings]
     if baseline.displaced is not None:
         starts = type(baseline.displaced).reading_starts(evidence.sensor, evidence.protocol)
         found.append((Term(baseline.displaced, starts[0].free), ()))

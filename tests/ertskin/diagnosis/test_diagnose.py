@@ -127,12 +127,19 @@ def test_what_is_handed_on_is_chosen_or_fitted_by_how_many_presses_there_are(
     monkeypatch, presses: int, effects: int, field: bool, spoilt: bool, way: str
 ) -> None:
     monkeypatch.setattr(skin, "all_fitted", lambda evidence: (np.arange(3), presses))
-    monkeypatch.setattr(skin, "_selected", lambda *_: "chosen")
+
+    def selected(*given: object) -> str:
+        # What it begins with: how far a field spreads is chosen anew.
+        assert len(given[-1]) == (0 if field else 1)  # type: ignore[arg-type]
+        return "chosen"
+
+    monkeypatch.setattr(skin, "_selected", selected)
     monkeypatch.setattr(skin, "_fitted_to", lambda *_: "fitted")
     monkeypatch.setattr(skin, "_handing_on", lambda findings, choose: choose())
     found = Findings(Diagnosis("some.h5", "explained", HeldOut("split", 1e-3, 3.0, 1.0, 0.0), spoilt=spoilt))
     terms = [SimpleNamespace(modes=np.eye(2) if field else None)]
-    selection = SimpleNamespace(after=SimpleNamespace(effects=("one",) * effects, terms=terms))
+    begun = [(term, SimpleNamespace(rivals=())) for term in terms]
+    selection = SimpleNamespace(after=SimpleNamespace(effects=("one",) * effects, terms=terms), found=begun)
     handed = skin._for_simulation(found, None, None, None, selection, None, lambda share, text: None)  # type: ignore[arg-type]
     assert (handed if isinstance(handed, str) else "as found") == way
 

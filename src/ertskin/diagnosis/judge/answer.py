@@ -166,7 +166,7 @@ def _diagnosis(
         unexplained_depends_on=_left_depends_on(case, tests[1]),
         presses_differ=case.differ,
         reason=_reason(case, claims, jitters),
-        spoilt=bool(claims) and found.spoilt(case.criteria),
+        spoilt=bool(case.selection.chosen) and found.spoilt(case.criteria),
         specimen=case.selection.specimen,
         tried=case.selection.tried,
     )

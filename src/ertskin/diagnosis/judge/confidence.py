@@ -66,7 +66,7 @@ def left_beyond(claims: Sequence[Claim], before: float, after: float, criteria: 
 
 
 def of_maps(claims: Sequence[Claim]) -> list[Claim]:
-    """A field is right only where its map is: its confidence by what fields so sure have been right in."""
+    """A field is right only where its map is: its confidence is that of fields as sure, a power of it."""
     return [replace(c, confidence=c.confidence**MAP_POWER) if c.effect.hypothesis.field else c for c in claims]
 
 

@@ -3,14 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 
 from ertskin.diagnosis.fit.full_solution_check import CheckedFit, Problem
-from ertskin.diagnosis.fit.joint_fit import Solved, Term, held_out
+from ertskin.diagnosis.fit.joint_fit import Solved, Term, VoltageProblem
+from ertskin.diagnosis.fit.nonreciprocal import acquires
+from ertskin.diagnosis.search.gain import freedom, gained
 from ertskin.diagnosis.search.settling import refined, where_it_settles
-from ertskin.diagnosis.search.trials import Trial, of_frames, unlikely
+from ertskin.diagnosis.search.trials import Trial
 
 MENDED = 1.5
 """Times the half chi-square at hand up to which freeing its forms may make a swap the likelier one."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Swap:
+    """The fit at hand, the term that leaves it, and the fit with another in its place; both count the same readings."""
+
+    present: Solved
+    left: Term
+    solved: Solved
 
 
 def exchanged(
@@ -22,41 +34,48 @@ def exchanged(
 ) -> tuple[Term, CheckedFit, float] | None:
     """The term that leaves, the fit with a trial's term in its place, and the half chi-square gained.
 
-    None where that isn't significant, in the fit as well as held out.
-
-    Fields take nobody's place: they mend whatever is wrong with the others' forms. The first ``fixed`` terms stay.
+    None where that isn't significant: held out, and in all that is fitted, the specimen with it. Fields take nobody's
+    place: they mend whatever is wrong with the others' forms. The first ``fixed`` terms stay.
     """
-    current = incumbent.solved
-    swaps = list(_swaps(incumbent, trials, fixed))
-    if not swaps:
+    swap = max(_swaps(incumbent, trials, fixed), key=lambda swap: swap.present.cost - swap.solved.cost, default=None)
+    if swap is None or swap.solved.cost > MENDED * swap.present.cost:
         return None
-    left, solved = min(swaps, key=lambda swap: of_frames(swap[1]))
-    if of_frames(solved) > MENDED * of_frames(current):
-        return None
-    proposed = where_it_settles(build, None, solved)
+    proposed = where_it_settles(build, None, swap.solved)
     if proposed is None:
         return None
     # The one that leaves has had its forms freed.
     proposed = refined(build, proposed, partitions)
     if proposed.spoils(incumbent):
         return None
-    fitted = unlikely(current) - unlikely(proposed.solved)
-    foretold = float((held_out(current, partitions) - held_out(proposed.solved, partitions)).sum())
-    gain = min(fitted, foretold)
-    return (left, proposed, gain) if gain > incumbent.problem.evidence.criteria.significant_gain else None
+    found = _counting(proposed.problem, proposed.solved, swap.present.leftover)
+    criteria = incumbent.problem.evidence.criteria
+    fitted = swap.present.cost + freedom(swap.present) - found.cost - freedom(found)
+    gain = min(fitted, gained(swap.present, found, partitions, criteria))
+    return (swap.left, proposed, gain) if gain > criteria.significant_gain else None
 
 
-def _swaps(incumbent: CheckedFit, trials: Sequence[Trial], fixed: int) -> Iterator[tuple[Term, Solved]]:
+def _swaps(incumbent: CheckedFit, trials: Sequence[Trial], fixed: int) -> Iterator[_Swap]:
     """Every term that a trial's may be taken for, and the trial's fit without it."""
-    problem, present = incumbent.problem, {term.name for term in incumbent.solved.terms}
+    problem, current = incumbent.problem, incumbent.solved
+    names = {term.name for term in current.terms}
     for trial in trials:
-        if trial.term.name in present or trial.term.modes is not None:
+        if trial.term.name in names or trial.term.effect.hypothesis.field:
             continue
         *others, new = trial.solved.terms
-        for k, term in enumerate(others):
+        for k, term in enumerate(current.terms):
             if k >= fixed and term.modes is None and _alike(term, new):
                 rest = [*others[:k], *others[k + 1 :], new]
-                yield term, problem.solve(rest, trial.solved.calibration, leftover=trial.solved.leftover)
+                # Scans and what no network explains count on both sides, or on none.
+                both = acquires(current.effects) or acquires([one.effect for one in rest])
+                present = _counting(problem, current, both)
+                yield _Swap(present, term, problem.solve(rest, trial.solved.calibration, leftover=both))
+
+
+def _counting(problem: VoltageProblem, solved: Solved, leftover: bool) -> Solved:
+    """The fit that counts what no network explains, or one that doesn't."""
+    if solved.leftover == leftover:
+        return solved
+    return problem.solve(solved.terms, solved.calibration, steps=1, leftover=leftover)
 
 
 def _alike(one: Term, other: Term) -> bool:

@@ -101,11 +101,13 @@ def add_leftover(problem: VoltageProblem, solved: Solved, moved: Moved, gradient
     """Count what no network explains in the gradient and Hessian, whose last numbers are those of the columns."""
     signal, share = problem.acquisition, problem.leftover_share
     wrong = signal.residual(problem.family.skin(solved.calibration, solved.effects))
+    taken = problem.evidence.leftover_v[signal.rows].reshape(len(signal.rows), -1) != 0
     cells = problem.cells[signal.rows]
     for cell in np.unique(cells):
         mine = cells == cell
         columns = moved(mine)
         where = slice(-columns.shape[-1], None)
+        columns = np.where(taken[mine][..., None], columns, 0.0)
         flat = columns.reshape(-1, columns.shape[-1]) / problem.evidence.leftover_noise_v
         curved = hessian[cell]
         gradient[cell, where] += share * (flat.T @ wrong[mine].ravel())

@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ertskin.diagnosis.fit.cross_validation import log_misfit, numbers_of, of_scans, refitted
+from ertskin.diagnosis.fit.cross_validation import log_misfit, numbers_of, refitted, scans_by_part
 from ertskin.diagnosis.fit.joint_fit import Solved, VoltageProblem, held_out
 from ertskin.diagnosis.search.selection import Selection
 
@@ -25,7 +25,7 @@ def _by_a_step(problem: VoltageProblem, solved: Solved, partitions: Sequence[Seq
     """
     cost = solved.fit.quadratic.cost
     change = held_out(solved, partitions) - np.array([cost[list(out)].sum() for out in partitions])
-    return of_scans(problem, solved, partitions) + change
+    return scans_by_part(problem, solved, partitions) + change
 
 
 def that_foretells(selection: Selection, partitions: Sequence[Sequence[int]]) -> Selection:
@@ -37,7 +37,7 @@ def that_foretells(selection: Selection, partitions: Sequence[Sequence[int]]) ->
     problem, before, after = selection.problem, selection.before, selection.after
     numbers = numbers_of(problem, partitions)
     allowed = numbers.sum() * np.log(problem.evidence.criteria.mismatch_ratio)
-    fitted = of_scans(problem, before, partitions)
+    fitted = scans_by_part(problem, before, partitions)
     if not selection.chosen or log_misfit(_by_a_step(problem, after, partitions), numbers) <= (
         log_misfit(fitted, numbers) + allowed
     ):

@@ -81,6 +81,12 @@ class Selection:
     tried: tuple[Tried, ...]
     specimen: str | None = None
 
+    @property
+    def found(self) -> list[tuple[Term, Chosen]]:
+        """The terms chosen, as they are fitted after the last."""
+        terms = self.after.terms[len(self.after.terms) - len(self.chosen) :]
+        return list(zip(terms, self.chosen, strict=True))
+
 
 def select(
     build: Problem,
@@ -371,8 +377,9 @@ def _of_few_numbers(
         simpler = where_it_settles(build, None, trial.solved)
         if simpler is None or simpler.spoils(incumbent):
             continue
-        # Whatever its form leaves a field would take up.
-        simpler = refined(build, simpler, partitions)
+        if not trial.term.effect.hypothesis.field:
+            # A field would take up whatever a form that isn't freed leaves.
+            simpler, field_fit = refined(build, simpler, partitions), refined(build, field_fit, partitions)
         solved, bare = simpler.solved, Term(type(field.term.effect)(), ())
         begun = simpler.problem.solve([*solved.terms, bare], solved.calibration, steps=0)
         both = with_smooth_field(simpler.problem, begun, len(solved.terms), partitions) or solved
@@ -382,7 +389,7 @@ def _of_few_numbers(
         likelier, of_field = unlikely(alone) - unlikely(both), unlikely(begun) - unlikely(both)
         if likelier > max(criteria.significant_gain, of_field):
             return replace(trial, gain=field.gain + likelier), simpler
-    return entered
+    return field, field_fit
 
 
 def _gone_elsewhere(build: Problem, problem: VoltageProblem, solved: Solved) -> CheckedFit | None:
@@ -406,8 +413,9 @@ def _backward(
     frames = residual_count(problem)
     while True:
         instrument = any(shown_by(t.effect, Signal.NONRECIPROCAL) for t in current.terms)
-        if instrument:
-            current = problem.solve(current.terms, current.calibration, steps=2, leftover=True)
+        if instrument or current.leftover:
+            # With the instrument's last term what no network explains counts no longer.
+            current = problem.solve(current.terms, current.calibration, steps=2, leftover=instrument)
         chosen, dropped = [], None
         for k in range(fixed, len(current.terms)):
             rest = [t for i, t in enumerate(current.terms) if i != k]

@@ -15,6 +15,7 @@ from ertskin.diagnosis.search.trials import of_frames
 from ertskin.physics.conduction.mesh import MeshError
 
 REFINED = 4
+"""How many times forms are freed and the fit settled."""
 STILL = 0.97
 """Part of the misfit down to which freeing forms once more isn't worth it."""
 

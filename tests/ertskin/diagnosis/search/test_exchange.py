@@ -2,20 +2,33 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 from small_problem import PARTITIONS, START, recorded
 
 from ertskin.diagnosis.fit.full_solution_check import CheckedFit, checked_fit
 from ertskin.diagnosis.fit.joint_fit import Term
+from ertskin.diagnosis.fit.nonreciprocal import acquires
 from ertskin.diagnosis.search.exchange import exchanged
 from ertskin.diagnosis.search.trials import Trial
+from ertskin.physics.effects.channel_gain import ChannelGain
 from ertskin.physics.effects.effect import Effect
 from ertskin.physics.effects.piezo_creep import PiezoCreep
 from ertskin.physics.effects.piezo_hysteresis import PiezoHysteresis
 from ertskin.physics.effects.sheet_anisotropy import SheetAnisotropy
+from ertskin.physics.effects.sheet_inhomogeneity import SheetInhomogeneity
 
 LOOP, CREEP = PiezoHysteresis(width=0.1), PiezoCreep(fraction=0.1, time_s=10.0)
-FREE = {LOOP.name: ("width",), CREEP.name: ("fraction",), SheetAnisotropy.name: ("stretch_x",)}
+GAIN, STRETCH = ChannelGain(channel=2, gain=3e-5), SheetAnisotropy(stretch_x=0.05)
+HILL = SheetInhomogeneity(amplitude=0.1, x_m=0.03, y_m=0.03, radius_m=0.02)
+FREE = {
+    LOOP.name: ("width",),
+    CREEP.name: ("fraction",),
+    GAIN.name: ("gain",),
+    STRETCH.name: ("stretch_x",),
+    HILL.name: ("amplitude",),
+}
 
 
 def both_ways(hidden: Effect, first: Effect, second: Effect, fixed: int = 0) -> tuple[CheckedFit, list[Trial], int]:
@@ -23,7 +36,8 @@ def both_ways(hidden: Effect, first: Effect, second: Effect, fixed: int = 0) -> 
     problem = recorded(hidden)
     one, other = (Term(effect, FREE[effect.name]) for effect in (first, second))
     incumbent = checked_fit(problem, problem.solve([one], START))
-    solved = problem.solve([*incumbent.solved.terms, other], incumbent.solved.calibration)
+    counted = acquires([first, second])
+    solved = problem.solve([*incumbent.solved.terms, other], incumbent.solved.calibration, leftover=counted)
     return incumbent, [Trial(solved.terms[-1], 0.0, solved)], fixed
 
 
@@ -50,5 +64,23 @@ def test_the_wrong_memory_doesn_t_take_the_right_one_s_place(hidden: Effect, wro
 
 def test_what_belongs_to_every_set_and_what_is_no_kin_stay() -> None:
     assert swapped(*both_ways(LOOP, CREEP, LOOP, fixed=1)) is None
-    stretch = SheetAnisotropy(stretch_x=0.05)
-    assert swapped(*both_ways(stretch, CREEP, stretch)) is None
+    assert swapped(*both_ways(STRETCH, CREEP, STRETCH)) is None
+
+
+def test_a_sheet_doesn_t_take_a_channel_s_place_by_what_it_needn_t_explain() -> None:
+    incumbent, trials, fixed = both_ways(GAIN, GAIN, replace(STRETCH, stretch_x=1e-4))
+    assert incumbent.solved.leftover
+    assert swapped(incumbent, trials, fixed) is None
+
+
+def test_a_channel_takes_the_place_of_a_sheet() -> None:
+    found = swapped(*both_ways(replace(GAIN, gain=3e-3), replace(STRETCH, stretch_x=1e-3), replace(GAIN, gain=3e-3)))
+    assert found is not None
+    assert [effect.name for effect in found[1].solved.effects] == [GAIN.name]
+
+
+def test_a_field_takes_nobody_s_place() -> None:
+    hill = replace(HILL, amplitude=2e-3)
+    incumbent, trials, fixed = both_ways(hill, replace(STRETCH, stretch_x=1e-4), hill)
+    assert trials[0].solved.cost < 0.5 * incumbent.solved.cost
+    assert swapped(incumbent, trials, fixed) is None
