@@ -26,6 +26,7 @@ from ertskin.diagnosis.search.trials import (
     residual_count,
     rms_of,
     trials_of,
+    unforeseen,
     unlikely,
     worth_a_name,
 )
@@ -196,7 +197,10 @@ class _Search:
         trials = trials_of(
             problem, current, found, self.partitions, left, partial(_gone_elsewhere, self.build, problem)
         )
-        entered = _first_to_hold(self.build, incumbent, [t for t in trials if t.gain >= least], self.partitions)
+        entered = self._first_to_enter(incumbent, trials)
+        if entered is None:
+            trials += unforeseen(problem, current, found, self.partitions)
+            entered = self._first_to_enter(incumbent, trials)
         if entered is not None:
             entered = _of_few_numbers(self.build, incumbent, entered, trials, self.partitions)
         self.tried += [_as_tried(t, entered is not None and t.term == entered[0].term) for t in trials]
@@ -209,6 +213,11 @@ class _Search:
         others = [t for t in trials if t.term.name != trial.term.name and t.gain <= (1 + KNOWN) * trial.gain]
         self.stand[_key(trial.term)] = tuple(Rival(t.term.effect, trial.gain - t.gain) for t in others)
         return refined(self.build, _reconsidered(self.build, proposed), self.partitions)
+
+    def _first_to_enter(self, incumbent: CheckedFit, trials: Sequence[Trial]) -> tuple[Trial, CheckedFit] | None:
+        """The first of the trials worth a name that holds where it settles."""
+        least = worth_a_name(incumbent.problem, incumbent.solved)
+        return _first_to_hold(self.build, incumbent, [t for t in trials if t.gain >= least], self.partitions)
 
     def _in_anothers_place(self, incumbent: CheckedFit, trials: Sequence[Trial]) -> CheckedFit | None:
         """With a trial's term in the place of one that it may be taken for, where that is likelier; None where none is.

@@ -70,6 +70,26 @@ def trials_of(
     return trials
 
 
+def unforeseen(
+    problem: VoltageProblem, current: Solved, found: Sequence[Candidate], partitions: Sequence[Sequence[int]]
+) -> list[Trial]:
+    """Effects of which the tangent foretells harm, fitted from all their starts, best first.
+
+    A contact whose conductance a press multiplies is so far from a contact without that a first order says nothing.
+    """
+    least, sensor, protocol = worth_a_name(problem, current), problem.evidence.sensor, problem.evidence.protocol
+    harmful = {c.name: type(c.term.effect) for c in found if c.gain < -least and not _of_instrument(c.term)}
+    trials = []
+    for kind in harmful.values():
+        if kind.hypothesis.field or any(c.name == kind.name and c.gain > least for c in found):
+            continue
+        for start in kind.reading_starts(sensor, protocol):
+            solved = problem.solve([*current.terms, Term(start.effect, start.free)], current.calibration)
+            gain = gained(current, solved, partitions, problem.evidence.criteria)
+            trials.append(Trial(solved.terms[-1], gain, solved))
+    return _in_order(trials, current)
+
+
 def worth_a_name(problem: VoltageProblem, current: Solved) -> float:
     """Half chi-square, held out, that a term must gain: what is significant and material."""
     criteria = problem.evidence.criteria
