@@ -16,7 +16,8 @@ from ertskin.physics.skin import Skin, moments_of
 
 Array = NDArray[np.float64]
 
-REMEMBERED = 7
+REMEMBERED = 100
+"""How many effects' maps are kept: one for each channel of 32, in three forms."""
 CHUNK = 32
 """Frames whose readings are computed at a time."""
 NEAR = 1e-3

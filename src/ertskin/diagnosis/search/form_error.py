@@ -23,7 +23,7 @@ from ertskin.diagnosis.search.first_order_gain import (
     held_out_gain,
     with_columns,
 )
-from ertskin.physics.effects.effect import AcquisitionEffect, Effect
+from ertskin.physics.effects.effect import AcquisitionEffect, Effect, Parameter
 
 Array = NDArray[np.float64]
 
@@ -70,7 +70,7 @@ def form_error(
 
 
 def _other_forms(problem: VoltageProblem, effects: Sequence[Effect]) -> tuple[AcquisitionEffect, ...]:
-    """Every form in which the instrument may show the same, each as large as the first effect of its name."""
+    """Every form in which the instrument may show the same, each about as large as the first effect of its name."""
     instrument = {effect.name: effect for effect in reversed(instruments(effects))}
     largest_v = problem.acquisition.largest_v
     found = []
@@ -79,9 +79,20 @@ def _other_forms(problem: VoltageProblem, effects: Sequence[Effect]) -> tuple[Ac
             if start.reciprocal:
                 continue
             each = [float(np.mean(np.abs(getattr(effect, key)))) for key in effect.several() if getattr(effect, key)]
-            size = {key: abs(effect.value(key)) or max(each, default=start.effect.value(key)) for key in start.along}
+            size = {
+                key: _rounded(
+                    abs(effect.value(key)) or max(each, default=start.effect.value(key)), effect.parameters()[key]
+                )
+                for key in start.along
+            }
             found.append(cast(AcquisitionEffect, start.effect.changed(size)).scaled_to(largest_v))
     return tuple(found)
+
+
+def _rounded(size: float, known: Parameter) -> float:
+    """To a power of two within what may be: what a form does to scans is remembered from fit to fit, and its spread is
+    tried in steps of three."""
+    return float(np.clip(2.0 ** np.round(np.log2(size)), known.low, known.high)) if size > 0 else size
 
 
 def _columns(problem: VoltageProblem, solved: Solved, forms: Sequence[AcquisitionEffect]) -> Array:
