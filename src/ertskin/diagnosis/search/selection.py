@@ -386,19 +386,28 @@ def _of_few_numbers(
         simpler = where_it_settles(build, None, trial.solved)
         if simpler is None or simpler.spoils(incumbent):
             continue
-        if not trial.term.effect.hypothesis.field:
-            # A field would take up whatever a form that isn't freed leaves.
+        likelier = _likelier_than_field(simpler, field_fit, field.term, partitions)
+        if likelier is None and not trial.term.effect.hypothesis.field:
+            # A field takes up whatever a form that isn't freed leaves.
             simpler, field_fit = refined(build, simpler, partitions), refined(build, field_fit, partitions)
-        solved, bare = simpler.solved, Term(type(field.term.effect)(), ())
-        begun = simpler.problem.solve([*solved.terms, bare], solved.calibration, steps=0)
-        both = with_smooth_field(simpler.problem, begun, len(solved.terms), partitions) or solved
-        alone = field_fit.problem.solve(
-            field_fit.solved.terms, field_fit.solved.calibration, steps=1, leftover=both.leftover
-        )
-        likelier, of_field = unlikely(alone) - unlikely(both), unlikely(begun) - unlikely(both)
-        if likelier > max(criteria.significant_gain, of_field):
+            likelier = _likelier_than_field(simpler, field_fit, field.term, partitions)
+        if likelier is not None:
             return replace(trial, gain=field.gain + likelier), simpler
     return field, field_fit
+
+
+def _likelier_than_field(
+    simpler: CheckedFit, field_fit: CheckedFit, field: Term, partitions: Sequence[Sequence[int]]
+) -> float | None:
+    """By how much both together are likelier than the field alone; None where the field is the one missed more, or
+    neither significantly."""
+    problem, solved = simpler.problem, simpler.solved
+    begun = problem.solve([*solved.terms, Term(type(field.effect)(), ())], solved.calibration, steps=0)
+    both = with_smooth_field(problem, begun, len(solved.terms), partitions) or solved
+    terms, calibration = field_fit.solved.terms, field_fit.solved.calibration
+    alone = field_fit.problem.solve(terms, calibration, steps=1, leftover=both.leftover)
+    likelier, of_field = unlikely(alone) - unlikely(both), unlikely(begun) - unlikely(both)
+    return likelier if likelier > max(problem.evidence.criteria.significant_gain, of_field) else None
 
 
 def _gone_elsewhere(build: Problem, problem: VoltageProblem, solved: Solved) -> CheckedFit | None:
