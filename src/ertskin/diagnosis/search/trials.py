@@ -73,10 +73,12 @@ def trials_of(
 def unforeseen(
     problem: VoltageProblem, current: Solved, found: Sequence[Candidate], partitions: Sequence[Sequence[int]]
 ) -> list[Trial]:
-    """Effects of which the tangent foretells harm, fitted from all their starts, best first.
+    """Effects of which the tangent foretells harm, fitted from all their starts, best first; none where little is left.
 
     A contact whose conductance a press multiplies is so far from a contact without that a first order says nothing.
     """
+    if rms_of(current) <= problem.evidence.criteria.mismatch_ratio:
+        return []
     least, sensor, protocol = worth_a_name(problem, current), problem.evidence.sensor, problem.evidence.protocol
     harmful = {c.name: type(c.term.effect) for c in found if c.gain < -least and not _of_instrument(c.term)}
     trials = []

@@ -37,3 +37,8 @@ def test_a_field_is_not_fitted_from_all_its_starts() -> None:
     problem = recorded(CONTACT)
     field = [Candidate(Term(PiezoInhomogeneity(amplitude=0.1), ("amplitude",)), -1e9)]
     assert not unforeseen(problem, problem.solve([], START), field, PARTITIONS)
+
+
+def test_nothing_is_fitted_where_little_is_left() -> None:
+    problem = recorded()
+    assert not unforeseen(problem, problem.solve([], START), foreseen(-1e9), PARTITIONS)
