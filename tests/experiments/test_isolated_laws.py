@@ -52,7 +52,7 @@ def test_every_form_of_the_generator_has_a_measured_law_and_a_class() -> None:
 
 @pytest.mark.parametrize("name", QUICK)
 def test_quick_laws_leave_what_was_measured(name: str) -> None:
-    # Processors mesh a pad's rim a little differently, which warmth feels: 0.238 on one, 0.243 on another.
+    # What warmth leaves differs from one machine to another with the same code: 0.238 and 0.243.
     measured, skin = json.loads(LAWS.read_text()), skin_of(SEEDS[0])
     for kind in FORMS[name]:
         expected = measured[f"{name}/{kind.form}"]["by_skin"][0]

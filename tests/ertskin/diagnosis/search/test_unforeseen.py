@@ -7,7 +7,7 @@ from small_problem import PARTITIONS, START, recorded
 
 from ertskin.diagnosis.fit.joint_fit import Term
 from ertskin.diagnosis.search.candidates import Candidate
-from ertskin.diagnosis.search.trials import unforeseen, worth_a_name
+from ertskin.diagnosis.search.trials import rms_of, unforeseen, worth_a_name
 from ertskin.physics.effects.contact_pressure_dependence import ContactPressureDependence
 from ertskin.physics.effects.piezo_inhomogeneity import PiezoInhomogeneity
 
@@ -24,7 +24,9 @@ def test_a_contact_that_the_tangent_foretells_harm_of_is_fitted() -> None:
     trials = unforeseen(problem, current, foreseen(-1e9), PARTITIONS)
     assert {trial.term.name for trial in trials} == {CONTACT.name}
     assert trials[0].gain > 0.9 * current.cost > worth_a_name(problem, current)
+    # The skin is linearised without it, so its fit ends a fifth off; linearised about that it settles.
     assert trials[0].term.effect.value("sensitivity_per_pa") == pytest.approx(3e-3, rel=0.3)
+    assert rms_of(trials[0].solved) < 0.25 * rms_of(current)
 
 
 @pytest.mark.parametrize("gain", [-1.0, 1e9])
