@@ -24,14 +24,19 @@ UNEXPLAINED = 0.2
 """Part of what changes between rest frames, beyond noise, up to which it is taken to be explained."""
 SURELY = 3.0
 """Standard deviations of chance above which anything changes."""
+DISTINCT = SURELY**2
+"""Chi-square of what is uneven that warmth takes off where it is seen beside a sheet that changes alike."""
 
 
 def warmth_at_rest(
     skin: Skin, evidence: Evidence, rows: NDArray[np.bool_], change_v: Array, whole: Array
 ) -> tuple[Array, float]:
     """(R,P) the part of the changes (R,P) of the rest frames ``rows`` (T,) that warmth explains, if it explains most of
-    them, those too that the ``whole`` sheet (P,) alike doesn't make; else noughts. And chi-square that the error of its
-    form may leave of what is uneven."""
+    them, those too that the ``whole`` sheet (P,) alike doesn't make; else noughts.
+
+    And chi-square of what is uneven that contacts don't explain: what the error of warmth's form may leave, or all that
+    is within chance where warmth is clearly seen.
+    """
     level = whole / np.linalg.norm(whole)
 
     def uneven(part: Array) -> Array:
@@ -45,13 +50,18 @@ def warmth_at_rest(
         return np.asarray(squares - count * np.array([width, width - 1]))
 
     nothing, before, chance = np.zeros_like(change_v), excess(change_v), SURELY * np.sqrt(2 * change_v.size)
-    if before[1] < chance:
+    if before[0] < chance:
         return nothing, 0.0
     scans = _heated_scans(skin, evidence, rows)
     explained = [(_fitted(s, scans, change_v, evidence.noise_v), s.effect.form_error) for s in _starts(evidence)]
     best, error = min(explained, key=lambda found: float(excess(change_v - found[0])[0]), default=(nothing, 0.0))
-    if (excess(change_v - best) > np.maximum(UNEXPLAINED * before, chance)).any():
+    left = excess(change_v - best)
+    if (left > np.maximum(UNEXPLAINED * before, chance)).any():
         return nothing, 0.0
+    if before[1] < chance:
+        # The sheet alike makes nearly all of it, and a search finds that without the rest frames' help; but what one
+        # pattern clearly explains of the little that is left isn't for contacts to share out.
+        return nothing, chance if before[1] - left[1] > DISTINCT else 0.0
     return best, float(((error * uneven(best)) ** 2).sum()) / evidence.noise_v**2
 
 

@@ -66,3 +66,13 @@ def test_it_takes_nothing_where_nothing_warms_unevenly(skin: Skin, others: tuple
     warmth, doubt = warmth_at_rest(skin, evidence, RESTS, change, whole)
     assert not warmth.any()
     assert doubt == 0.0
+
+
+def test_what_is_uneven_within_chance_is_no_contacts_where_warmth_is_seen(skin: Skin) -> None:
+    evidence, change, whole = at_rest(skin, SelfHeating(crowded_rise=-0.0006, lasts_s=12.0))
+    level = whole / np.linalg.norm(whole)
+    uneven = change - np.outer(change @ level, level)
+    excess = (uneven**2).sum() / NOISE_V**2 - len(change) * (len(level) - 1)
+    warmth, doubt = warmth_at_rest(skin, evidence, RESTS, change, whole)
+    assert not warmth.any()
+    assert doubt > excess
