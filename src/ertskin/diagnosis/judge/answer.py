@@ -246,6 +246,8 @@ def _shown_elsewhere(case: Case) -> set[str]:
     shown = {finding.effect.name for finding in case.baseline.specimen_findings if agrees}
     if case.baseline.displaced is not None:
         shown.add(case.baseline.displaced.name)
+    if case.baseline.warmth is not None:
+        shown.add(case.baseline.warmth)
     return shown
 
 

@@ -36,7 +36,8 @@ UNYIELDING = 1e9, 1e-3
 class Baseline:
     """``skin`` calibrated at rest, the force stage without and with its effects, forces (T,C) that drive it.
 
-    ``displaced`` a pad that can't be where it should; ``noise`` of whitened scans; ``traces`` (T,P,m) for the evidence.
+    ``displaced`` a pad that can't be where it should; ``noise`` of whitened scans; ``traces`` (T,P,m) for the evidence;
+    ``warmth`` name of the effect that warms the sheet, if the rest frames clearly show one.
     """
 
     skin: Skin
@@ -49,6 +50,7 @@ class Baseline:
     displaced: ElectrodeEffect | None
     noise: Noise
     traces: Array
+    warmth: str | None
 
     @property
     def linear_force_n(self) -> Array:
@@ -86,6 +88,7 @@ def calibrated(recording: Recording, evidence: Evidence, resolution: str = "fine
         displaced=displaced,
         noise=at_rest.noise,
         traces=at_rest.traces,
+        warmth=at_rest.warmth,
     )
 
 

@@ -50,7 +50,8 @@ CHANCES, RARELY = 400, 0.01
 class Rested:
     """``skin`` calibrated to the mean resting scan ``scan_v`` (P,) with noise ``scan_noise_v``, which left ``misfit``.
 
-    ``drift`` contacts that wander; ``noise`` of whitened scans; ``traces`` (T,P,m) what the evidence leaves out.
+    ``drift`` contacts that wander; ``noise`` of whitened scans; ``traces`` (T,P,m) what the evidence leaves out;
+    ``warmth`` name of the effect that warms the sheet, if the frames clearly show one.
     """
 
     skin: Skin
@@ -60,6 +61,7 @@ class Rested:
     drift: tuple[Effect, ...]
     noise: Noise
     traces: Array
+    warmth: str | None
 
 
 def rested(skin: Skin, evidence: Evidence) -> Rested:
@@ -68,8 +70,8 @@ def rested(skin: Skin, evidence: Evidence) -> Rested:
     scans = evidence.scan_v[good]
     first, columns, _ = fitted_at_rest(skin, scans.mean(axis=0))
     # What one number explains isn't left for a contact each and places that recover.
-    warmth, doubt = warmth_at_rest(first, evidence, good, scans - scans.mean(axis=0), columns[:, -1])
-    scans = scans - warmth
+    warmth = warmth_at_rest(first, evidence, good, scans - scans.mean(axis=0), columns[:, -1])
+    scans = scans - warmth.change_v
     every = imprints(first, evidence.history)
     traces = _needed(every[good], scans - scans.mean(axis=0), columns, evidence.noise_v)
     mean = _undisturbed_mean(scans, columns, traces)
@@ -79,10 +81,10 @@ def rested(skin: Skin, evidence: Evidence) -> Rested:
     clean = scans - _shares(scans - mean, columns, traces)[1]
     time_s, contacts = evidence.history.time_s[good], skin.contact_resistance_ohm
     run = np.cumsum(~evidence.rest, dtype=np.intp)[good]
-    criteria = evidence.criteria
+    criteria, doubt = evidence.criteria, warmth.doubt
     drift = _contact_drift(scans - mean, time_s, run, evidence.noise_v, columns, traces, contacts, criteria, doubt)
     noise = _scatter(clean, run, columns, evidence.noise_v, criteria)
-    return Rested(skin, mean, mean_noise_v, misfit, drift, noise, every[..., : traces.shape[2]])
+    return Rested(skin, mean, mean_noise_v, misfit, drift, noise, every[..., : traces.shape[2]], warmth.name)
 
 
 def fitted_at_rest(skin: Skin, mean: Array) -> tuple[Skin, Array, Array]:

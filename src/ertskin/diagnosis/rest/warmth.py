@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,15 +29,24 @@ DISTINCT = SURELY**2
 """Chi-square of what is uneven that warmth takes off where it is seen beside a sheet that changes alike."""
 
 
+class RestWarmth(NamedTuple):
+    """``change_v`` (R,P) the part of the rest frames' changes that warmth explains, or noughts; ``name`` of the effect
+    that is clearly seen in them, if one is.
+
+    ``doubt`` chi-square of what is uneven that contacts don't explain: what the error of warmth's form may leave, or
+    all that is within chance where warmth is clearly seen.
+    """
+
+    change_v: Array
+    doubt: float
+    name: str | None
+
+
 def warmth_at_rest(
     skin: Skin, evidence: Evidence, rows: NDArray[np.bool_], change_v: Array, whole: Array
-) -> tuple[Array, float]:
-    """(R,P) the part of the changes (R,P) of the rest frames ``rows`` (T,) that warmth explains, if it explains most of
-    them, those too that the ``whole`` sheet (P,) alike doesn't make; else noughts.
-
-    And chi-square of what is uneven that contacts don't explain: what the error of warmth's form may leave, or all that
-    is within chance where warmth is clearly seen.
-    """
+) -> RestWarmth:
+    """What warmth explains of the changes (R,P) of the rest frames ``rows`` (T,), if it explains most of them, those
+    too that the ``whole`` sheet (P,) alike doesn't make."""
     level = whole / np.linalg.norm(whole)
 
     def uneven(part: Array) -> Array:
@@ -49,20 +59,24 @@ def warmth_at_rest(
         squares = np.array([(part**2).sum(), (uneven(part) ** 2).sum()]) / evidence.noise_v**2
         return np.asarray(squares - count * np.array([width, width - 1]))
 
-    nothing, before, chance = np.zeros_like(change_v), excess(change_v), SURELY * np.sqrt(2 * change_v.size)
+    nothing = RestWarmth(np.zeros_like(change_v), 0.0, None)
+    before, chance = excess(change_v), SURELY * np.sqrt(2 * change_v.size)
     if before[0] < chance:
-        return nothing, 0.0
+        return nothing
     scans = _heated_scans(skin, evidence, rows)
-    explained = [(_fitted(s, scans, change_v, evidence.noise_v), s.effect.form_error) for s in _starts(evidence)]
-    best, error = min(explained, key=lambda found: float(excess(change_v - found[0])[0]), default=(nothing, 0.0))
+    explained = [(_fitted(start, scans, change_v, evidence.noise_v), start.effect) for start in _starts(evidence)]
+    if not explained:
+        return nothing
+    best, effect = min(explained, key=lambda found: float(excess(change_v - found[0])[0]))
     left = excess(change_v - best)
-    if (left > np.maximum(UNEXPLAINED * before, chance)).any():
-        return nothing, 0.0
+    if before[1] - left[1] < DISTINCT or (left > np.maximum(UNEXPLAINED * before, chance)).any():
+        return nothing
     if before[1] < chance:
         # The sheet alike makes nearly all of it, and a search finds that without the rest frames' help; but what one
         # pattern clearly explains of the little that is left isn't for contacts to share out.
-        return nothing, chance if before[1] - left[1] > DISTINCT else 0.0
-    return best, float(((error * uneven(best)) ** 2).sum()) / evidence.noise_v**2
+        return RestWarmth(nothing.change_v, chance, effect.name)
+    doubt = float(((effect.form_error * uneven(best)) ** 2).sum()) / evidence.noise_v**2
+    return RestWarmth(best, doubt, effect.name)
 
 
 def _starts(evidence: Evidence) -> Iterator[Start]:
