@@ -206,7 +206,7 @@ def _rules(case: Case) -> list[tuple[str, str, Callable[[list[Claim]], list[Clai
         (
             "mending",
             "small beside one that depends on the same: it may mend that one's form",
-            lambda c: mending(c, criteria, shown),
+            lambda c: mending(c, criteria, shown, case.baseline.warmth),
         ),
         (
             "overshadowed",
@@ -246,8 +246,6 @@ def _shown_elsewhere(case: Case) -> set[str]:
     shown = {finding.effect.name for finding in case.baseline.specimen_findings if agrees}
     if case.baseline.displaced is not None:
         shown.add(case.baseline.displaced.name)
-    if case.baseline.warmth is not None:
-        shown.add(case.baseline.warmth)
     return shown
 
 

@@ -94,18 +94,21 @@ def _explained(before: float, after: float, criteria: Criteria) -> float:
     return max(0.0, 1 - float(np.sqrt(left / excess))) if excess > 0 else 1.0
 
 
-def mending(claims: Sequence[Claim], criteria: Criteria, shown: Collection[str] = ()) -> list[Claim]:
+def mending(
+    claims: Sequence[Claim], criteria: Criteria, shown: Collection[str] = (), warmth: str | None = None
+) -> list[Claim]:
     """A claim that is small beside one of its kin may only mend that one's form, which becomes its alternative.
 
     Not so the instrument's effects, which what no network explains has named, nor those ``shown`` by another signal.
-    What is measured at rest mends no form of what only presses show, and what readings show none of what only the load
-    cell does: how much of a misfit they explain can't be compared.
+    What is measured at rest mends no form of what only presses show, nor does ``warmth``, the name of an effect that
+    rest frames clearly show; and what readings show none of what only the load cell does: how much of a misfit they
+    explain can't be compared.
     """
     found = []
     for claim in claims:
         seen_alike = [c for c in claims if c.effect.name != claim.effect.name and c.by_force == claim.by_force]
         kin = [c for c in seen_alike if c.effect.hypothesis.kin & claim.effect.hypothesis.kin]
-        if claim.effect.hypothesis.measured == Measured.CONTACT_PATH:
+        if claim.effect.hypothesis.measured == Measured.CONTACT_PATH or claim.effect.name == warmth:
             kin = [c for c in kin if shown_by(c.effect, Signal.REST) or getattr(c.effect, "remembers_air", False)]
         strongest = max(kin, key=_excess, default=None)
         share = 1.0 if strongest is None else _excess(claim) / max(criteria.form_share * _excess(strongest), 1e-12)

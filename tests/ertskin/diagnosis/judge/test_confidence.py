@@ -33,7 +33,9 @@ from ertskin.physics.effects.piezo_creep import PiezoCreep
 from ertskin.physics.effects.piezo_hysteresis import PiezoHysteresis
 from ertskin.physics.effects.piezo_inhomogeneity import PiezoInhomogeneity
 from ertskin.physics.effects.scan_skew import ScanSkew
+from ertskin.physics.effects.self_heating import SelfHeating
 from ertskin.physics.effects.sheet_anisotropy import SheetAnisotropy
+from ertskin.physics.effects.temperature_drift import TemperatureDrift
 
 
 def claim(effect: Effect, alone: float) -> Claim:
@@ -88,6 +90,15 @@ def test_contacts_seen_to_wander_at_rest_mend_no_form_of_what_only_presses_show(
     offset, creep = claim(IndenterOffset(dx_m=1e-3), 3.0), claim(PiezoCreep(fraction=0.2, remembers_air=True), 3.0)
     assert mending([offset, drift], DEFAULT) == [offset, drift]
     assert mending([creep, drift], DEFAULT)[1].confidence < 0.5
+
+
+def test_warmth_seen_at_rest_mends_no_form_of_what_only_presses_show() -> None:
+    warmth, loop = claim(SelfHeating(crowded_rise=-0.005), 1.2), claim(PiezoHysteresis(width=0.3), 3.0)
+    drift = claim(TemperatureDrift(rate_per_h=-0.3), 3.0)
+    assert mending([loop, warmth], DEFAULT)[1].confidence < 0.5
+    assert mending([loop, warmth], DEFAULT, warmth="self_heating") == [loop, warmth]
+    # At rest the two look much alike: either may be the other's form.
+    assert mending([drift, warmth], DEFAULT, warmth="self_heating")[1].confidence < 0.5
 
 
 def test_a_name_of_a_noisy_channel_is_half_as_sure() -> None:
