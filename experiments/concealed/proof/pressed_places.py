@@ -1,0 +1,129 @@
+"""What presses know of a field of sensitivity: ``pressed_places.py RESULTS OUT [CASE ...]``, in this folder.
+
+RESULTS is an opened sample (``results/fifth48``), OUT the folder of its recordings, recorded anew from the secret. One
+number for every place pressed is fitted to all presses, nothing else named, and held against the true field: at the
+sensing points that something has pressed, and at all of them. It says how much a diagnosis could know.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ.setdefault(variable, "1")
+
+import numpy as np  # noqa: E402
+from judged import Judged  # noqa: E402
+from numpy.typing import NDArray  # noqa: E402
+from score import judged, opened  # noqa: E402
+
+from ertskin.diagnosis.fit.joint_fit import Modes, Term  # noqa: E402
+from ertskin.diagnosis.recording.evidence import gather  # noqa: E402
+from ertskin.diagnosis.recording.split import all_fitted  # noqa: E402
+from ertskin.diagnosis.rest.baseline import calibrated  # noqa: E402
+from ertskin.diagnosis.search.smooth_fields import node_shape  # noqa: E402
+from ertskin.diagnosis.skin import SkinFamily, _building, _start  # noqa: E402
+from ertskin.hardware.recording import read_recording  # noqa: E402
+from ertskin.physics.effects.piezo_inhomogeneity import PiezoInhomogeneity  # noqa: E402
+from ertskin.physics.effects.smooth_field import node_position_m  # noqa: E402
+
+Array = NDArray[np.float64]
+
+LENGTH = 0.1
+"""Correlation length between places, over the sheet's longer side: shorter than they are apart."""
+SPREAD = 0.3
+"""Standard deviation expected of a place's number: the fit hardly owes anything to it."""
+SAME_M = 1e-3
+
+
+@dataclass(frozen=True)
+class Known:
+    """Presses and pressed sensing points; mean square misfit over noise without and with the field; correlation with
+    the true field at pressed points and at all, and slope at pressed points over the true size."""
+
+    presses: int
+    pressed: int
+    before: float
+    after: float
+    at_pressed: float
+    everywhere: float
+    slope: float
+
+
+def modes_at(place_m: Array, extent_m: Array) -> Modes:
+    """One mode for every place (K,2) of a process with Matern's covariance of order 3/2."""
+    length_m, shape = LENGTH * float(np.ptp(extent_m, axis=0).max()), node_shape(extent_m)
+
+    def covariance(one: Array, other: Array) -> Array:
+        apart = np.sqrt(3) * np.linalg.norm(one[:, None] - other, axis=-1) / length_m
+        return np.asarray((1 + apart) * np.exp(-apart))
+
+    size, vector = np.linalg.eigh(covariance(place_m, place_m))
+    half = vector / np.sqrt(np.maximum(size, 1e-9)) @ vector.T
+    nodes = SPREAD * covariance(node_position_m(shape, extent_m), place_m) @ half
+    return Modes(nodes.T.reshape(-1, *shape), 0, SPREAD)
+
+
+def known(recording: Path, hidden: dict[str, Any], point_m: Array) -> Known:
+    """What all presses of a recording know of the field ``hidden``, given at points (N,2)."""
+    read = read_recording(recording)
+    evidence = gather(read)
+    baseline = calibrated(read, evidence)
+    noise = baseline.noise
+    evidence = replace(evidence, noise_v=noise.rms_v, excess_noise=noise.excess_noise, traces=baseline.traces)
+    rows, presses = all_fitted(evidence)
+    family = SkinFamily(baseline.skin, "fine")
+    problem = _building(evidence, baseline, family, rows, lambda share, text: None)(None)
+    fixed = [Term(effect, effect.hypothesis.also_in_readings) for effect in baseline.skin.effects]
+    before = problem.solve(fixed, _start(baseline))
+    contact_m = evidence.history.contact_m[rows][evidence.history.touched[rows]]
+    place_m = np.unique(np.round(contact_m / SAME_M), axis=0) * SAME_M
+    extent_m = evidence.sensor.extent_m
+    modes = modes_at(place_m, extent_m)
+    field = Term(PiezoInhomogeneity(), (), modes).at(np.zeros(len(place_m)).tolist())
+    after = problem.solve([*fixed, field], before.calibration, steps=10)
+    found = np.asarray(after.effects[-1].map_at(point_m, extent_m))
+    true = np.array(hidden["details"]["map"])
+    near = np.linalg.norm(point_m[:, None] - place_m, axis=-1).min(axis=1) < 2 * SAME_M
+    numbers = len(rows) * problem.evidence.scan_v.shape[1]
+    return Known(
+        presses,
+        int(near.sum()),
+        2 * before.cost / numbers,
+        2 * after.cost / numbers,
+        float(np.corrcoef(found[near], true[near])[0, 1]),
+        float(np.corrcoef(found, true)[0, 1]),
+        float(np.polyfit(true[near], found[near], 1)[0]) / hidden["size"],
+    )
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("results", type=Path)
+    parser.add_argument("out", type=Path)
+    parser.add_argument("cases", nargs="*", help="these alone")
+    given = parser.parse_args()
+    found: list[Judged] = judged(given.results, opened(given.results))["ertskin"]
+    print("| case | form, size | presses | pressed points | misfit² | at pressed points | everywhere | slope |")
+    print("| --- | --- | --- | --- | --- | --- | --- | --- |")
+    for case in found:
+        hidden = case.truth_of(PiezoInhomogeneity.name)
+        recording = given.out / "recordings" / f"{case.name}.h5"
+        if hidden is None or (given.cases and case.name not in given.cases) or not recording.exists():
+            continue
+        one = known(recording, hidden, np.array(case.truth["point_m"]))
+        print(
+            f"| {case.name} | {hidden['form']} {hidden['size']:.3g} | {one.presses} | {one.pressed} "
+            f"| {one.before:.2f} -> {one.after:.2f} | {one.at_pressed:.2f} | {one.everywhere:.2f} | {one.slope:.2f} |",
+            flush=True,
+        )
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
