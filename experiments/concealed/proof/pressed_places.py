@@ -18,6 +18,7 @@ for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(variable, "1")
 
 import numpy as np  # noqa: E402
+import seals  # noqa: E402
 from judged import Judged  # noqa: E402
 from numpy.typing import NDArray  # noqa: E402
 from score import judged, opened  # noqa: E402
@@ -26,11 +27,11 @@ from ertskin.diagnosis.fit.joint_fit import Modes, Term  # noqa: E402
 from ertskin.diagnosis.recording.evidence import gather  # noqa: E402
 from ertskin.diagnosis.recording.split import all_fitted  # noqa: E402
 from ertskin.diagnosis.rest.baseline import calibrated  # noqa: E402
-from ertskin.diagnosis.search.smooth_fields import node_shape  # noqa: E402
+from ertskin.diagnosis.search.smooth_fields import _half, node_shape  # noqa: E402
 from ertskin.diagnosis.skin import SkinFamily, _building, _start  # noqa: E402
 from ertskin.hardware.recording import read_recording  # noqa: E402
 from ertskin.physics.effects.piezo_inhomogeneity import PiezoInhomogeneity  # noqa: E402
-from ertskin.physics.effects.smooth_field import node_position_m  # noqa: E402
+from ertskin.physics.effects.smooth_field import field_design  # noqa: E402
 
 Array = NDArray[np.float64]
 
@@ -39,6 +40,7 @@ LENGTH = 0.1
 SPREAD = 0.3
 """Standard deviation expected of a place's number: the fit hardly owes anything to it."""
 SAME_M = 1e-3
+"""Places nearer to one another than this are one."""
 
 
 @dataclass(frozen=True)
@@ -56,16 +58,12 @@ class Known:
 
 
 def modes_at(place_m: Array, extent_m: Array) -> Modes:
-    """One mode for every place (K,2) of a process with Matern's covariance of order 3/2."""
-    length_m, shape = LENGTH * float(np.ptp(extent_m, axis=0).max()), node_shape(extent_m)
-
-    def covariance(one: Array, other: Array) -> Array:
-        apart = np.sqrt(3) * np.linalg.norm(one[:, None] - other, axis=-1) / length_m
-        return np.asarray((1 + apart) * np.exp(-apart))
-
-    size, vector = np.linalg.eigh(covariance(place_m, place_m))
-    half = vector / np.sqrt(np.maximum(size, 1e-9)) @ vector.T
-    nodes = SPREAD * covariance(node_position_m(shape, extent_m), place_m) @ half
+    """One mode for every place (K,2): what values there tell of a process with Matern's covariance of order 3/2."""
+    shape = node_shape(extent_m)
+    half = _half(shape, extent_m, LENGTH * np.full(2, np.ptp(extent_m, axis=0).max()), 0.0)
+    at_places = field_design(shape, place_m, extent_m) @ half
+    size, vector = np.linalg.eigh(at_places @ at_places.T)
+    nodes = SPREAD * half @ at_places.T @ (vector / np.sqrt(np.maximum(size, 1e-9)))
     return Modes(nodes.T.reshape(-1, *shape), 0, SPREAD)
 
 
@@ -108,7 +106,11 @@ def main() -> int:
     parser.add_argument("out", type=Path)
     parser.add_argument("cases", nargs="*", help="these alone")
     given = parser.parse_args()
-    found: list[Judged] = judged(given.results, opened(given.results))["ertskin"]
+    try:
+        found: list[Judged] = judged(given.results, opened(given.results))["ertskin"]
+    except seals.SealError as error:
+        print(error, file=sys.stderr)
+        return 2
     print("| case | form, size | presses | pressed points | misfit² | at pressed points | everywhere | slope |")
     print("| --- | --- | --- | --- | --- | --- | --- | --- |")
     for case in found:
