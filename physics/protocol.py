@@ -72,7 +72,7 @@ class Protocol:
     electrode potentials in each reading, summing to zero over L. ``pairs`` (K,2) names source and sink where every
     injection is a pair. ``injection_offset_s`` (K,): when each injection is read after the frame's time. ``measured``
     (K,M): the readings that the instrument takes, all without it; the others have no weights, and are nought wherever
-    readings are computed with.
+    readings are computed with. ``passed`` (K,M,L): the weights of all readings, for a multiplexer may pass those too.
     """
 
     injection_current_a: Array
@@ -83,8 +83,11 @@ class Protocol:
     adc_volts_per_count: float | None = None
     adc_limit_v: float | None = None
     measured: NDArray[np.bool_] | None = None
+    passed: Array | None = None
 
     def __post_init__(self) -> None:
+        if self.passed is None:
+            object.__setattr__(self, "passed", self.measurement)
         if self.measured is not None:
             object.__setattr__(self, "measurement", np.where(self.measured[:, :, None], self.measurement, 0.0))
 
@@ -153,10 +156,32 @@ class Protocol:
     @cached_property
     def design(self) -> Array:
         """(K*M, P) readings in volt per ohm of pair resistance, P = L(L-1)/2."""
+        return self._design(self.measurement)
+
+    def _design(self, weight: Array) -> Array:
         i, j = np.triu_indices(self.electrodes, 1)
-        current, weight = self.injection_current_a, self.measurement
+        current = self.injection_current_a
         both = weight[:, :, i] * current[:, None, j] + weight[:, :, j] * current[:, None, i]
         return -0.5 * both.reshape(-1, len(i))
+
+    def with_passed(self, voltage_v: Array, contact_ohm: float) -> Array:
+        """Readings (..., K, M) with those that aren't taken as a multiplexer passes them.
+
+        They are those of the smallest pair resistances that explain the readings taken, with a contact of so many ohm
+        more at every electrode: where no electrode that carries current is read nothing else tells of contacts.
+        """
+        told, per_ohm = self._passed
+        flat = self.filled(voltage_v).reshape(*voltage_v.shape[:-2], -1)
+        found = np.array(flat)
+        found[..., ~self.taken.ravel()] = (flat @ self.orthonormal) @ told.T + contact_ohm * per_ohm
+        return found.reshape(voltage_v.shape)
+
+    @cached_property
+    def _passed(self) -> tuple[Array, Array]:
+        """Readings that aren't taken by coordinates in ``orthonormal``, (U,n), and by ohm of every contact, (U,)."""
+        assert self.passed is not None
+        design = self._design(self.passed)[~self.taken.ravel()]
+        return design @ self.inverse_factor, 2 * design.sum(axis=1)
 
     @cached_property
     def factor(self) -> Array:

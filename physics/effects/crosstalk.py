@@ -29,8 +29,10 @@ class Crosstalk(AcquisitionEffect):
     ``before``: ``"channel"``, the channels read before; ``"injection"``, the same channel in the injections before.
     What is kept is the last reading before and, by the part ``lasting``, what that one had found: a mean of all before,
     each counting ``lasting`` times as much as the next, for dielectrics give back slowly. ``begins``: what the first
-    channel of an injection finds: ``"carried"``, the last reading of the injection before; ``"discharged"``, an empty
-    capacitor; ``"settled"``, its own value already.
+    channel of an injection finds: ``"carried"``, the last reading of the injection before, the first of all that of the
+    scan before, taken to be alike; ``"discharged"``, an empty capacitor; ``"settled"``, its own value already.
+    ``passes``: whether readings that aren't taken charge the capacitor all the same, as a multiplexer does that steps
+    through all its channels; where contacts of ``driven_ohm`` carry the current their voltages are the largest.
     """
 
     name: ClassVar[str] = "crosstalk"
@@ -46,10 +48,14 @@ class Crosstalk(AcquisitionEffect):
     lasting: float = parameter(
         "1", 0.0, 0.99, 0.0, 0.1, "part of what a reading found that the next one finds", defining=False
     )
+    driven_ohm: float = parameter(
+        "ohm", -1e5, 1e5, 0.0, 100.0, "contact of driven electrodes, beyond what readings tell", defining=False
+    )
     shares: tuple[float, ...] = parameters("1", -0.5, 0.5, 0.0, 1e-3, "part more that a channel keeps")
     channel: int = -1
     before: str = "channel"
     begins: str = "carried"
+    passes: bool = False
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -59,12 +65,13 @@ class Crosstalk(AcquisitionEffect):
             raise ValueError(f"crosstalk.begins = {self.begins!r}: one of {', '.join(BEGINNINGS)}")
 
     def distorted_v(self, voltage_v: Array, protocol: Protocol) -> Array:
-        flat = voltage_v.reshape(*voltage_v.shape[:-2], -1)
+        met = protocol.with_passed(voltage_v, self.driven_ohm) if self.passes else voltage_v
+        flat = met.reshape(*voltage_v.shape[:-2], -1)
         mixed, kept = flat.copy(), np.tile(self._kept(protocol.shape[1]), protocol.shape[0])
-        for run in _runs(protocol, self.before, self.begins == "carried"):
+        for run in _runs(protocol, self.before, self.begins == "carried", self.passes):
             values = flat[..., run]
             mixed[..., run] += kept[run] * (self._found(values) - values)
-        return mixed.reshape(voltage_v.shape)
+        return np.where(protocol.taken, mixed.reshape(voltage_v.shape), voltage_v)
 
     def _kept(self, channels: int) -> Array:
         """(M,) what each channel keeps; raises ``ValueError`` where there are shares for other channels."""
@@ -77,10 +84,15 @@ class Crosstalk(AcquisitionEffect):
 
     def _found(self, values: Array) -> Array:
         """(...,n) what each of readings (...,n) in turn finds."""
-        first = np.zeros_like(values[..., :1]) if self.begins == "discharged" else values[..., :1]
-        if self.lasting == 0:
-            return np.concatenate([first, values[..., :-1]], axis=-1)
         last = self.lasting
+        first = {"carried": values[..., -1:], "discharged": np.zeros_like(values[..., :1])}.get(
+            self.begins, values[..., :1]
+        )
+        if last == 0:
+            return np.concatenate([first, values[..., :-1]], axis=-1)
+        if self.begins == "carried":
+            # What a scan leaves that began with an empty capacitor, and what it left of all those before.
+            first = lfilter([1 - last], [1.0, -last], values, axis=-1)[..., -1:] / (1 - last ** values.shape[-1])
         later, _ = lfilter([1 - last], [1.0, -last], values[..., :-1], axis=-1, zi=last * first)
         return np.concatenate([first, later], axis=-1)
 
@@ -102,7 +114,12 @@ class Crosstalk(AcquisitionEffect):
         every += [cls(fraction=0.01, channel=channel, begins=BEGINNINGS[1]) for channel in first]
         lasting = [replace(alike, lasting=one) for one in LASTING]
         found = [Start(one, ("fraction",), ("fraction",)) for one in every]
-        return (*found, *(Start(one, ("fraction", "lasting"), ("fraction",)) for one in lasting))
+        found += [Start(one, ("fraction", "lasting"), ("fraction",)) for one in lasting]
+        if not protocol.taken.all():
+            passing = [replace(one, passes=True) for one in (alike, replace(alike, lasting=LASTING[0]))]
+            found.append(Start(passing[0], ("fraction", "driven_ohm"), ("fraction", "driven_ohm")))
+            found.append(Start(passing[1], ("fraction", "driven_ohm", "lasting"), ("fraction", "driven_ohm")))
+        return tuple(found)
 
     def freer(self, free: tuple[str, ...]) -> tuple[Start, ...]:
         """With a memory of more than the last reading, and channels that each keep their own part."""
@@ -117,12 +134,13 @@ class Crosstalk(AcquisitionEffect):
 
 
 @lru_cache(maxsize=16)
-def _runs(protocol: Protocol, before: str, carried: bool) -> list[NDArray[np.intp]]:
-    """Readings (r,n) by their numbers, those of each row taken one after the other; rows of every length."""
-    number, taken = np.arange(protocol.taken.size).reshape(protocol.shape), protocol.taken
+def _runs(protocol: Protocol, before: str, carried: bool, passes: bool) -> list[NDArray[np.intp]]:
+    """Readings (r,n) by their numbers, those of a row taken or passed one after the other; rows of every length."""
+    number = np.arange(protocol.taken.size).reshape(protocol.shape)
+    met = np.ones_like(protocol.taken) if passes else protocol.taken
     if before == "channel":
-        rows = [number[taken]] if carried else [number[k][taken[k]] for k in range(len(number))]
+        rows = [number[met]] if carried else [number[k][met[k]] for k in range(len(number))]
     else:
-        rows = [number[taken[:, m], m] for m in range(protocol.shape[1])]
+        rows = [number[met[:, m], m] for m in range(protocol.shape[1])]
     lengths = sorted({len(row) for row in rows} - {0})
     return [np.array([row for row in rows if len(row) == length]) for length in lengths]

@@ -6,6 +6,7 @@ import hashlib
 import importlib.util
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -120,6 +121,37 @@ def test_a_field_must_follow_the_true_one() -> None:
         said = claim("sheet_inhomogeneity", 0.9, map={"point_m": POINTS, "value": value})
         assert case(hidden, said=[said]).first_right == right
     assert case(hidden, said=[claim("sheet_inhomogeneity", 0.9)]).first_right == 0.0
+
+
+def test_a_map_may_be_judged_at_the_sensing_points_that_it_says_it_knows() -> None:
+    field = [0.0, 0.1, 0.2, 0.3, 0.4, 0.5, -0.5, 0.6, -0.6]
+    hidden = effect("piezo_inhomogeneity", map=field)
+
+    def right(known: int, where_known: bool, shuffled: bool = False) -> bool:
+        value = [v if k < known else 0.0 for k, v in enumerate(reversed(field) if shuffled else field)]
+        told = {"point_m": POINTS, "value": value, "determined": [k < known for k in range(len(POINTS))]}
+        said = claim("piezo_inhomogeneity", 0.9, map={"point_m": POINTS, "value": value, "taxels": told})
+        return replace(case(hidden, said=[said]), where_known=where_known).first_right == 1.0
+
+    assert right(6, where_known=True)
+    assert not right(6, where_known=False)
+    assert not right(6, where_known=True, shuffled=True)
+    assert not right(4, where_known=True)
+    assert right(9, where_known=False)
+
+
+def test_rows_that_known_places_change_stand_below_the_table() -> None:
+    field = [0.0, 0.1, 0.2, 0.3, 0.4, 0.5, -0.5, 0.6, -0.6]
+    value = [*field[:6], 0.0, 0.0, 0.0]
+    told = {"point_m": POINTS, "value": value, "determined": [True] * 6 + [False] * 3}
+    said = claim("piezo_inhomogeneity", 0.95, map={"point_m": POINTS, "value": value, "taxels": told})
+    told_case = case(effect("piezo_inhomogeneity", map=field), said=[said])
+    text, numbers = score.page("ertskin", [told_case], FormClasses({}))
+    above, below = text.split("Maps judged at the sensing points")
+    assert re.search(r"first name right, own ratio from 1.3 .* 0.0 %", above)
+    assert re.search(r"first name right, own ratio from 1.3 .* 100.0 %", below)
+    assert numbers["rows"]["first name right, own ratio from 1.3"]["hits"] == 0
+    assert "Maps judged" not in score.page("ertskin", [case(said=[])], FormClasses({}))[0]
 
 
 def test_a_tie_counts_half() -> None:

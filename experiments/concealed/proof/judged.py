@@ -2,7 +2,8 @@
 
 A claim is right where the name is hidden and the place is: an electrode or channel must be one of those hidden, and a
 field's ``map`` ({"point_m": (n,2), "value": (n,)}) must follow the true one with a correlation of 0.8 at least. A field
-without a map is at no place. Intervals are judged through quantities that mean the same in every form (the loop's
+without a map is at no place. A map may say at which sensing points it is known; ``where_known`` judges it there alone,
+and only if these are enough. Intervals are judged through quantities that mean the same in every form (the loop's
 width, the share relaxed in a stated history, ...): a claim states them in ``quantities`` or among its ``parameters``.
 """
 
@@ -12,10 +13,16 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.interpolate import LinearNDInterpolator, NearestNDInterpolator
+
+Values = NDArray[np.float64]
+Numbers = NDArray[np.intp]
 
 LIKELY, CONFIDENT = 0.5, 0.9
 CORRELATION = 0.8
+FEWEST_KNOWN = 5
+"""Sensing points that a map must know to be judged there alone: of five unrelated values one map in nineteen passes."""
 TIE = 0.02
 VERDICTS = ("no_mismatch", "explained", "partly_explained", "unexplained", "cannot_tell")
 NO_ANSWER: dict[str, Any] = {"verdict": "cannot_tell", "effects": []}
@@ -32,6 +39,7 @@ class Judged:
     name: str
     truth: dict[str, Any]
     diagnosis: dict[str, Any]
+    where_known: bool = False
 
     @property
     def kind(self) -> str:
@@ -93,13 +101,21 @@ class Judged:
         hidden, said = self.truth_of(claim["name"]), claim.get("map")
         if hidden is None or not said:
             return 0.0
-        at, value = np.array(said["point_m"], float), np.array(said["value"], float)
-        wanted = np.array(self.truth["point_m"])
-        found = LinearNDInterpolator(at, value)(wanted)
-        found = np.where(np.isfinite(found), found, NearestNDInterpolator(at, value)(wanted))
-        if np.ptp(found) == 0.0:
-            return 0.0
-        return float(np.corrcoef(found, hidden["details"]["map"])[0, 1])
+        wanted, true = np.array(self.truth["point_m"]), np.array(hidden["details"]["map"])
+        known = self._known_points(said)
+        found, true = (_values_at(said, wanted), true) if known is None else (known[1], true[known[0]])
+        return 0.0 if np.ptp(found) == 0.0 else float(np.corrcoef(found, true)[0, 1])
+
+    def _known_points(self, said: dict[str, Any]) -> tuple[Numbers, Values] | None:
+        """Sensing points (k,) that a map says it knows, and its values (k,) there; None where it isn't judged so."""
+        taxels = said.get("taxels") or {}
+        if not self.where_known or "determined" not in taxels:
+            return None
+        point, told = np.array(self.truth["point_m"]), np.array(taxels["determined"], bool)
+        if told.sum() < FEWEST_KNOWN:
+            return None
+        apart = np.linalg.norm(point[:, None] - np.array(taxels["point_m"], float)[told], axis=-1)
+        return apart.argmin(axis=0), np.array(taxels["value"], float)[told]
 
     @property
     def wrong_confident(self) -> list[str]:
@@ -155,6 +171,13 @@ class Judged:
                     (hidden["name"], hidden["form"], None if said is None else said["low"] <= true <= said["high"])
                 )
         return found
+
+
+def _values_at(said: dict[str, Any], wanted: Values) -> Values:
+    """A map's values (n,) at points (n,2)."""
+    at, value = np.array(said["point_m"], float), np.array(said["value"], float)
+    found = LinearNDInterpolator(at, value)(wanted)
+    return np.where(np.isfinite(found), found, NearestNDInterpolator(at, value)(wanted))
 
 
 def checked(name: str, diagnosis: dict[str, Any] | None) -> dict[str, Any]:

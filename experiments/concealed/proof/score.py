@@ -10,12 +10,12 @@ from __future__ import annotations
 import argparse
 import hashlib
 import sys
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
 import seals
-from judged import DiagnosisError, Judged, checked
+from judged import FEWEST_KNOWN, DiagnosisError, Judged, checked
 from rows import Calibration, FormClasses, Row, Share, calibrations, reliability, rows
 from suite import suite
 
@@ -81,6 +81,7 @@ def page(method: str, cases: list[Judged], classes: FormClasses) -> tuple[str, d
     lines += [
         _calibration_line(found),
         "",
+        *_where_maps_are_known(table, cases, classes),
         "Confident wrong names: "
         + (", ".join(f"{c.name} {n}" for c in cases for n in c.wrong_confident) or "none")
         + ".",
@@ -92,6 +93,16 @@ def page(method: str, cases: list[Judged], classes: FormClasses) -> tuple[str, d
     }
     error = {name: asdict(one) for name, one in found.items()}
     return "\n".join(lines), {"rows": numbers, "calibration_error": error, "reliability": reliability(cases)}
+
+
+def _where_maps_are_known(table: list[Row], cases: list[Judged], classes: FormClasses) -> list[str]:
+    """The rows that come out otherwise where a map is judged at the sensing points alone that it says it knows."""
+    known = rows([replace(case, where_known=True) for case in cases], classes)
+    lines = [f"| {_cell(row)} |" for row, strict in zip(known, table, strict=True) if row.total != strict.total]
+    if not lines:
+        return []
+    said = f"Maps judged at the sensing points that they say they know ({FEWEST_KNOWN} at least), else as above:"
+    return [said, "", "| | wanted | all | worst form class |", "| --- | --- | --- | --- |", *lines, ""]
 
 
 def draw(scores: Scores, path: Path) -> None:

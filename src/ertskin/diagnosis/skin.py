@@ -16,7 +16,7 @@ from ertskin.diagnosis.fit.full_solution_check import Problem, exact, settled
 from ertskin.diagnosis.fit.joint_fit import Solved, Term, VoltageProblem
 from ertskin.diagnosis.judge.answer import answered
 from ertskin.diagnosis.judge.held_out import Predictions, predictions, ratio
-from ertskin.diagnosis.judge.quantities import with_quantities
+from ertskin.diagnosis.judge.quantities import with_fields_of_all_presses, with_quantities
 from ertskin.diagnosis.judge.remainder import remainder
 from ertskin.diagnosis.judge.repeatability import Repeatability, repeatability
 from ertskin.diagnosis.judge.result import Findings
@@ -120,8 +120,9 @@ def _for_simulation(
     if presses < FEW or any(term.modes is not None for term in selection.after.terms):
         begun = [(term, chosen.rivals) for term, chosen in selection.found if term.modes is None]
         again = partial(_selected, evidence, baseline, family, everything, selector, _silent, begun)
-        return _handing_on(findings, again)
-    return _handing_on(findings, lambda: _fitted_to(everything, evidence, baseline, family, selection))
+        return with_fields_of_all_presses(_handing_on(findings, again), family)
+    refit = partial(_fitted_to, everything, evidence, baseline, family, selection)
+    return with_fields_of_all_presses(_handing_on(findings, refit), family)
 
 
 def _fitted_to(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from ertskin.hardware.virtual.bench.nominal import nominal_sensor
 from ertskin.physics.effects.adc_saturation import AdcSaturation
 from ertskin.physics.effects.channel_gain import ChannelGain
 from ertskin.physics.effects.contact_pressure_dependence import ContactPressureDependence
@@ -51,7 +52,52 @@ def test_crosstalk_may_last_longer_than_a_reading(readings) -> None:
     found = 0.5 * before[2] + 0.25 * before[1] + 0.125 * before[0]
     assert changed[0, 3, 3] == pytest.approx(0.9 * before[3] + 0.1 * found)
     along = Crosstalk(fraction=0.1, lasting=0.5).distorted_v(readings, PROTOCOL)
-    assert along[0, 0, 0] == pytest.approx(readings[0, 0, 0])
+    assert along[0, 3, 3] == pytest.approx(changed[0, 3, 3], abs=0.1 * 0.125 * np.abs(readings).max())
+
+
+@pytest.mark.parametrize("lasting", [0.0, 0.4, 0.9])
+def test_a_scan_finds_what_the_same_one_before_it_has_left(readings, lasting) -> None:
+    changed = Crosstalk(fraction=0.1, lasting=lasting).distorted_v(readings, PROTOCOL)[0].ravel()
+    found, kept, scan = 0.0, [], readings[0].ravel()
+    for value in np.tile(scan, 6):
+        kept.append(0.9 * value + 0.1 * found)
+        found = lasting * found + (1 - lasting) * value
+    assert changed == pytest.approx(kept[-len(scan) :], abs=1e-7)
+
+
+def adjacent(measured: np.ndarray | None = None) -> Protocol:
+    """Eight electrodes, driven and read by neighbours, in volt per milliampere."""
+    pairs = np.stack([np.arange(8), (np.arange(8) + 1) % 8], axis=1)
+    current = np.zeros((8, 8))
+    current[np.arange(8), pairs[:, 0]], current[np.arange(8), pairs[:, 1]] = 1e-3, -1e-3
+    return Protocol.differences(current, pairs, measured=measured)
+
+
+APART = np.abs((np.arange(8)[:, None] - np.arange(8) + 4) % 8 - 4) > 1
+"""Readings of electrodes that carry no current."""
+
+
+@pytest.mark.parametrize("lasting", [0.0, 0.4])
+def test_readings_that_are_not_taken_may_charge_the_capacitor(lasting) -> None:
+    whole, part = adjacent(), adjacent(APART)
+    contact_ohm = 300.0
+    anyhow = part.readings(np.random.default_rng(1).uniform(100, 200, 28))
+    network = part.reciprocal(anyhow) + 2 * contact_ohm
+    effect = Crosstalk(fraction=0.1, lasting=lasting, driven_ohm=contact_ohm, passes=True)
+    every, taken = whole.readings(network), part.readings(network)
+    assert taken[APART] == pytest.approx(every[APART])
+    assert part.with_passed(taken, contact_ohm) == pytest.approx(every)
+    assert effect.distorted_v(taken, part)[APART] == pytest.approx(effect.distorted_v(every, whole)[APART])
+    assert (effect.distorted_v(taken, part)[~APART] == 0).all()
+    # The largest voltages are those across driven contacts: what comes right after them is changed most.
+    change = effect.distorted_v(taken, part) - Crosstalk(fraction=0.1, lasting=lasting).distorted_v(taken, part)
+    assert np.abs(change[2, 4]) > 5 * np.abs(change[2, 7])
+
+
+def test_where_readings_are_not_taken_fits_begin_from_both_ways_of_passing_them() -> None:
+    starts = Crosstalk.reading_starts(nominal_sensor(), adjacent(APART))
+    assert {start.effect.passes for start in starts} == {True, False}
+    assert not any(start.effect.passes for start in Crosstalk.reading_starts(nominal_sensor(), adjacent()))
 
 
 def test_channels_may_keep_each_a_part_of_their_own(readings) -> None:

@@ -39,20 +39,26 @@ class FieldMap:
     """The values (n,) of an effect's field at points (n,2) in metre.
 
     Of its smooth part, where there is one, the standard ``error`` (n,) and where the recording has
-    ``determined`` it (n,).
+    ``determined`` it (n,). ``taxels``: the same at the sensing points, for a map of points between them.
     """
 
     point_m: NDArray[np.float64]
     value: NDArray[np.float64]
     error: NDArray[np.float64] | None = None
     determined: NDArray[np.bool_] | None = None
+    taxels: FieldMap | None = None
 
     def as_builtins(self) -> dict[str, Any]:
         """As ``diagnosis.json`` wants it."""
-        numbers = {"point_m": np.round(self.point_m, 6).tolist(), "value": np.round(self.value, 5).tolist()}
-        if self.error is not None and self.determined is not None:
-            numbers |= {"error": np.round(self.error, 5).tolist(), "determined": self.determined.tolist()}
-        return numbers
+        found: dict[str, Any] = {
+            "point_m": np.round(self.point_m, 6).tolist(),
+            "value": np.round(self.value, 5).tolist(),
+        }
+        if self.error is not None:
+            found["error"] = np.round(self.error, 5).tolist()
+        if self.determined is not None:
+            found["determined"] = self.determined.tolist()
+        return found if self.taxels is None else found | {"taxels": self.taxels.as_builtins()}
 
 
 @dataclass(frozen=True)
@@ -96,7 +102,9 @@ class Claim:
 
     ``rivals``: what else was fitted in its stead; ``reasons`` for the confidence, in the order in which they count.
     ``quantities`` mean the same in any form of the effect; ``field_map`` is of an effect that has a
-    field. ``by_force``: force over depth alone has named it.
+    field. ``by_force``: force over depth alone has named it. ``misfit_by_place``: of the presses fitted, over noise,
+    with the field that it is told place by place; ``by_place``: that is what makes it sure, and nothing is said of
+    places that nothing has pressed.
     """
 
     effect: Effect
@@ -109,6 +117,8 @@ class Claim:
     quantities: dict[str, Estimate] = field(default_factory=dict)
     field_map: FieldMap | None = None
     by_force: bool = False
+    misfit_by_place: float | None = None
+    by_place: bool = False
 
     @property
     def in_readings(self) -> bool:

@@ -54,11 +54,13 @@ LEFTOVER_FRAMES = 80
 class Modes:
     """Fields over the sheet by their ``nodes`` (K,rows,columns): sums of them in which each has unit variance, and no
     mean, are what is expected of a field beforehand. They are the larger part of a process: of the covariance with
-    this number, and of standard deviation ``spread``."""
+    this number, and of standard deviation ``spread``. ``by_place``: one mode for every place pressed, which tells of no
+    other place."""
 
     nodes: Array
     covariance: int = 0
     spread: float = 0.0
+    by_place: bool = False
 
     def of(self, sizes: Sequence[float]) -> Nodes:
         """Node values of the sum in which the modes have these ``sizes`` (K,)."""
@@ -85,6 +87,11 @@ class Term:
     @property
     def name(self) -> str:
         return self.effect.name
+
+    @property
+    def by_place(self) -> bool:
+        """Whether it is a field told place by place."""
+        return self.modes is not None and self.modes.by_place
 
     @property
     def count(self) -> int:

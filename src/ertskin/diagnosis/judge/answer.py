@@ -308,10 +308,12 @@ def _reason(case: Case, claims: list[Claim], jitters: bool) -> str | None:
         said.append(
             f"the contact of electrode {case.baseline.noise.jittering} changes between rest frames: is it loose?"
         )
+    by_place = [claim.effect.name for claim in claims if claim.by_place]
+    said += [f"{name} is known only where something has pressed: press at the other places" for name in by_place]
     said += [
         f"{name} is told at {determined} of {points} sensing points: press at the others"
         for name, determined, points in determined_points(case.selection.after, case.evidence.sensor)
-        if determined < points
+        if determined < points and name not in by_place
     ]
     if claims and case.found.spoilt(case.criteria):
         said.append(f"{SPOILT}: it is not handed on, press more places")
@@ -363,7 +365,8 @@ def _voltage_claim(selection: Selection, chosen: Chosen, number: int) -> Claim:
     for key in term.free:
         estimates[key] = estimate(*solved.known(first + number, key), term.effect.known(key))
     confidence, alternatives = against(chosen.rivals, selection.problem.evidence.criteria)
-    return Claim(term.effect, confidence, chosen.ratio_alone, estimates, alternatives, chosen.rivals)
+    ratio, rivals = chosen.ratio_alone, chosen.rivals
+    return Claim(term.effect, confidence, ratio, estimates, alternatives, rivals, misfit_by_place=chosen.by_place)
 
 
 def _electrodes(case: Case, claims: list[Claim], jitters: bool) -> tuple[int, ...]:

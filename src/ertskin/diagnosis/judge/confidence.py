@@ -44,7 +44,8 @@ def left_over(
     sensitivity left a quarter of the misfit, 7 % of its square. ``presses_free`` is what stays of ``after`` on a rig
     whose presses don't repeat once each may land and press in its own way: that scatter speaks only against names for
     what changes from place to place or from electrode to electrode. ``of_fields`` is what speaks against fields: a map
-    that predicts presses badly is no map of what is there, though nobody could have known it there.
+    that predicts presses badly is no map of what is there, though nobody could have known it there. A field that is
+    surer told place by place, of which no place predicts another, answers for the presses fitted alone.
     """
 
     def share(claim: Claim) -> float:
@@ -55,7 +56,21 @@ def left_over(
         placed = "where" in claim.effect.hypothesis.kin
         return _explained(before, after if placed or presses_free is None else presses_free, criteria)
 
-    return [replace(c, confidence=c.confidence * share(c)) for c in claims]
+    def judged(claim: Claim) -> Claim:
+        foretelling, told = claim.confidence * share(claim), claim.confidence * _explained_by_place(claim, criteria)
+        if told > foretelling**MAP_POWER:
+            return replace(claim, confidence=told, by_place=True)
+        return replace(claim, confidence=foretelling)
+
+    return [judged(claim) for claim in claims]
+
+
+def _explained_by_place(claim: Claim, criteria: Criteria) -> float:
+    """Part of the misfit of the presses fitted that goes where a field is told place by place; nought for any other."""
+    if claim.misfit_by_place is None:
+        return 0.0
+    without = float(np.sqrt(claim.misfit_by_place**2 + claim.ratio_alone**2 - 1))
+    return _explained(without, claim.misfit_by_place, criteria)
 
 
 def left_beyond(claims: Sequence[Claim], before: float, after: float, criteria: Criteria) -> list[Claim]:
@@ -66,8 +81,14 @@ def left_beyond(claims: Sequence[Claim], before: float, after: float, criteria: 
 
 
 def of_maps(claims: Sequence[Claim]) -> list[Claim]:
-    """A field is right only where its map is: its confidence is that of fields as sure, a power of it."""
-    return [replace(c, confidence=c.confidence**MAP_POWER) if c.effect.hypothesis.field else c for c in claims]
+    """A field is right only where its map is: its confidence is that of fields as sure, a power of it.
+
+    What is told place by place foretells nothing, and is right where the places are.
+    """
+    foretelling = [claim.effect.hypothesis.field and not claim.by_place for claim in claims]
+    return [
+        replace(c, confidence=c.confidence**MAP_POWER) if f else c for c, f in zip(claims, foretelling, strict=True)
+    ]
 
 
 def spoiling(claims: Sequence[Claim], spoilt: bool, criteria: Criteria) -> list[Claim]:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import chi2
 
 from ertskin.diagnosis.contract.claims import QUANTILE, Claim, Estimate, FieldMap
 from ertskin.diagnosis.fit.joint_fit import Solved
@@ -14,6 +15,8 @@ from ertskin.diagnosis.force.fit import ForceFit
 from ertskin.diagnosis.judge.result import Findings
 from ertskin.diagnosis.judge.undetermined_field import errors_at
 from ertskin.diagnosis.linear.calibration_vector import SkinFamily
+from ertskin.diagnosis.recording.evidence import Evidence
+from ertskin.diagnosis.rest.baseline import Baseline
 from ertskin.physics.conduction.mesh import inside_polygon
 from ertskin.physics.effects.effect import Effect
 from ertskin.physics.effects.standard import Standard
@@ -25,6 +28,8 @@ Array = NDArray[np.float64]
 
 GRID = 24
 """Points of a map along the longer side of the sheet."""
+NEXT_TO_M = 2e-3
+"""As far from a place pressed as what is told there holds: well within what a press of the paper's indenter covers."""
 STEP = 0.3
 """Standard errors by which parameters are moved to see what a quantity owes them."""
 SMOOTH = 0.2
@@ -57,30 +62,83 @@ def with_quantities(findings: Findings, family: SkinFamily) -> Findings:
     evidence, baseline, selection = findings.evidence, findings.baseline, findings.selection
     if evidence is None or baseline is None or selection is None:
         return findings
-    law = family.skin(selection.after.calibration, ()).piezo
-    largest_pa = float(np.nanmax(baseline.specimen.stress_pa))
-    standard = replace(
-        standard_of(evidence.sensor, evidence.protocol, evidence.history),
-        resistance=law.sheet_resistance_ohm_sq,
-        largest_pa=largest_pa,
-        contact_ohm=np.array(selection.after.calibration.contact_ohm),
-    )
+    standard = _standard(evidence, baseline, selection.after, family)
     stated_claims = (
         stated(claim, standard, _spread(claim, selection.after, baseline.force_best), evidence.sensor)
         for claim in findings.diagnosis.claims
     )
-    claims = largest_alone([_with_errors(claim, selection.after, evidence.sensor) for claim in stated_claims])
+    claims = largest_alone([_of_field(claim, selection.after, standard) for claim in stated_claims])
     return replace(findings, diagnosis=replace(findings.diagnosis, claims=claims))
 
 
-def _with_errors(claim: Claim, solved: Solved, sensor: Sensor) -> Claim:
-    """The claim with what the fit knows of its map, where a smooth field is in it."""
+def with_fields_of_all_presses(findings: Findings, family: SkinFamily) -> Findings:
+    """The answer with maps and quantities of fields from the fit to all presses, where there is one that holds them.
+
+    Names and how sure they are stay as judged by presses held out; a map of more presses is the better map.
+    """
+    evidence, baseline, whole = findings.evidence, findings.baseline, findings.whole
+    if evidence is None or baseline is None or whole is None:
+        return findings
+    standard = _standard(evidence, baseline, whole.after, family)
+    terms = {term.name: term for term in whole.after.terms if term.effect.hypothesis.field}
+
+    def of_all(claim: Claim) -> Claim:
+        if claim.effect.name not in terms:
+            return claim
+        term = terms[claim.effect.name]
+        fitted = replace(claim, effect=term.effect, parameters={})
+        fitted = stated(fitted, standard, _spread(fitted, whole.after, None), evidence.sensor)
+        known = _of_field(fitted, whole.after, standard)
+        return replace(claim, quantities=known.quantities, field_map=known.field_map)
+
+    claims = tuple(map(of_all, findings.diagnosis.claims))
+    return replace(findings, diagnosis=replace(findings.diagnosis, claims=claims))
+
+
+def _standard(evidence: Evidence, baseline: Baseline, solved: Solved, family: SkinFamily) -> Standard:
+    """The conditions that a skin's recording sets, its fabric as fitted."""
+    return replace(
+        standard_of(evidence.sensor, evidence.protocol, evidence.history),
+        resistance=family.skin(solved.calibration, ()).piezo.sheet_resistance_ohm_sq,
+        largest_pa=float(np.nanmax(baseline.specimen.stress_pa)),
+        contact_ohm=np.array(solved.calibration.contact_ohm),
+    )
+
+
+def _of_field(claim: Claim, solved: Solved, standard: Standard) -> Claim:
+    """The claim with what the fit knows of its map, and by how much places differ where it is told by them."""
     if claim.field_map is None:
         return claim
-    known = errors_at(solved, sensor.extent_m, claim.field_map.point_m).get(claim.effect.name)
-    if known is None:
+    name, extent_m, pressed_m = claim.effect.name, standard.extent_m, standard.pressed_m
+    claim = replace(claim, field_map=_as_known(claim.field_map, name, solved, extent_m))
+    _, told = errors_at(solved, extent_m, pressed_m).get(name, (None, np.ones(len(pressed_m), dtype=bool)))
+    found = claim.effect.map_at(pressed_m[told], extent_m)
+    if not claim.by_place or claim.field_map is None or found is None or len(found) < 2:
         return claim
-    return replace(claim, field_map=replace(claim.field_map, error=known[0], determined=known[1]))
+    quantities_told = claim.quantities | {"log_spread": spread_of(found)}
+    return replace(claim, field_map=where_pressed(claim.field_map, pressed_m[told]), quantities=quantities_told)
+
+
+def _as_known(field: FieldMap, name: str, solved: Solved, extent_m: Array) -> FieldMap:
+    """The map with what the fit knows of it, where a smooth field of this name is in it."""
+    taxels = None if field.taxels is None else _as_known(field.taxels, name, solved, extent_m)
+    error, determined = errors_at(solved, extent_m, field.point_m).get(name, (None, None))
+    return replace(field, error=error, determined=determined, taxels=taxels)
+
+
+def where_pressed(field: FieldMap, place_m: Array) -> FieldMap:
+    """The map, determined next to places (m,2) alone."""
+    taxels = None if field.taxels is None else where_pressed(field.taxels, place_m)
+    apart_m = np.linalg.norm(field.point_m[:, None] - place_m, axis=-1).min(axis=1)
+    return replace(field, determined=apart_m <= NEXT_TO_M, taxels=taxels)
+
+
+def spread_of(sample: Array) -> Estimate:
+    """Standard deviation of what (n,) were drawn from, two at least, with its interval at 90 % for normal values."""
+    free = len(sample) - 1
+    value = float(np.std(sample, ddof=1))
+    low, high = value * np.sqrt(free / chi2.ppf([0.95, 0.05], free))
+    return Estimate(value, float(low), float(high), "1")
 
 
 def largest_alone(claims: Sequence[Claim]) -> tuple[Claim, ...]:
@@ -118,14 +176,17 @@ def quantities(effect: Effect, standard: Standard, spread: Spread) -> dict[str, 
 
 
 def field_map(effect: Effect, sensor: Sensor) -> FieldMap | None:
-    """The effect's field at the points of a square grid that lie in the sheet, where it has one."""
+    """The effect's field at the points of a square grid that lie in the sheet, and at the sensing points, where it has
+    one."""
     low, high = sensor.extent_m
     step_m = float((high - low).max()) / GRID
     x, y = (np.arange(a + 0.5 * step_m, b, step_m) for a, b in zip(low, high, strict=True))
     point = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
     point = point[inside_polygon(point, sensor.outline_m)]
-    value = effect.map_at(point, sensor.extent_m)
-    return None if value is None else FieldMap(point, value)
+    value, at_taxels = (effect.map_at(where, sensor.extent_m) for where in (point, sensor.taxel_m))
+    if value is None or at_taxels is None:
+        return None
+    return FieldMap(point, value, taxels=FieldMap(sensor.taxel_m, at_taxels) if len(sensor.taxel_m) else None)
 
 
 def standard_of(sensor: Sensor, protocol: Protocol, history: History) -> Standard:

@@ -7,6 +7,7 @@ import shutil
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -181,11 +182,24 @@ def _fields(findings: Findings) -> Figure:
         percent[row, column] = 100 * np.expm1(field.value)
         if field.determined is not None:
             percent[row[~field.determined], column[~field.determined]] = np.nan
-        top = max(float(np.nanmax(np.abs(percent), initial=0.0)), 1e-3)
+        at_taxels = np.zeros(1) if field.taxels is None else 100 * np.expm1(field.taxels.value)
+        top = max(float(np.nanmax(np.abs(percent), initial=0.0)), float(np.abs(at_taxels).max()), 1e-3)
         image = axis.pcolormesh(1e3 * x_m, 1e3 * y_m, percent, vmin=-top, vmax=top, cmap="RdBu_r", shading="nearest")
+        _taxels(axis, field.taxels, top)
         _sheet(axis, findings, words_of(name))
         figure.colorbar(image, ax=axis, shrink=0.85, label="difference / %")
     return figure
+
+
+def _taxels(axis: Axes, field: FieldMap | None, top: float) -> None:
+    """Sensing points in the map's colours, up to ``top`` percent; those that nothing has told of are empty."""
+    if field is None or field.determined is None:
+        return
+    told, (x_mm, y_mm) = field.determined, 1e3 * field.point_m.T
+    percent = 100 * np.expm1(field.value[told])
+    edge: dict[str, Any] = {"edgecolors": "0.3", "linewidths": 0.6, "s": 40}
+    axis.scatter(x_mm[told], y_mm[told], c=percent, vmin=-top, vmax=top, cmap="RdBu_r", **edge)
+    axis.scatter(x_mm[~told], y_mm[~told], facecolors="none", **edge)
 
 
 def _phases_below(figure: Figure, axes: Sequence[Axes]) -> None:

@@ -17,14 +17,19 @@ def gained(without: Solved, present: Solved, partitions: Sequence[Sequence[int]]
     gain or lose more than the fit itself, and all of them no more than that less what its freedom costs: a smooth field
     predicts what any sharp cause does to the presses at hand, a displaced pad, say, as well as that cause does. What
     explains most of the misfit gains just that, however badly the cells predict one another with it: that isn't owed to
-    too free a form.
+    too free a form. Cells can't foretell a field told place by place, which gains its evidence.
     """
     fitted_gain = np.array([_cost(without, out) - _cost(present, out) for out in partitions])
     foretold = held_out(without, partitions) - held_out(present, partitions)
     gain = float(np.clip(foretold, -np.abs(fitted_gain), np.abs(fitted_gain)).clip(max=fitted_gain).sum())
     before, after = (float(solved.fit.quadratic.cost[:-1].sum()) for solved in (without, present))
     evidence = before - after - freedom(present) + freedom(without)
-    return evidence if after < (1 - criteria.most_share) * before else min(gain, evidence)
+    unforetold = _by_place(present) > _by_place(without)
+    return evidence if unforetold or after < (1 - criteria.most_share) * before else min(gain, evidence)
+
+
+def _by_place(solved: Solved) -> int:
+    return sum(term.by_place for term in solved.terms)
 
 
 def freedom(solved: Solved) -> float:

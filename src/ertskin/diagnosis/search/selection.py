@@ -18,6 +18,7 @@ from ertskin.diagnosis.search.candidates import screen
 from ertskin.diagnosis.search.exchange import exchanged
 from ertskin.diagnosis.search.form_error import form_error
 from ertskin.diagnosis.search.gain import gained
+from ertskin.diagnosis.search.pressed_places import misfits_by_place, told_by_place
 from ertskin.diagnosis.search.settling import refined, where_it_settles
 from ertskin.diagnosis.search.smooth_fields import with_smooth_field
 from ertskin.diagnosis.search.trials import (
@@ -58,7 +59,8 @@ class Chosen:
     """A selected term: what the fit loses without it and what the best other candidate gains in its stead.
 
     ``ratio_alone``: rms over noise that this term by itself would make, on frames held out. ``confidence``: that of
-    another way to choose, which no rule changes; None where it follows from the rivals and the rules.
+    another way to choose, which no rule changes; None where it follows from the rivals and the rules. ``by_place``:
+    misfit over noise of the presses fitted where the field that it is is told place by place, None where it isn't one.
     """
 
     term: Term
@@ -66,6 +68,7 @@ class Chosen:
     ratio_alone: float
     rivals: Rivals
     confidence: float | None = None
+    by_place: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,6 +125,8 @@ def select(
         specimen, before = "disagrees", _calibrated(search.build, fixed, start).solved
     problem, current = incumbent.problem, incumbent.solved
     if chosen:
+        misfits = misfits_by_place(search.build, incumbent, len(incumbent.solved.terms) - len(chosen))
+        chosen = tuple(replace(one, by_place=misfit) for one, misfit in zip(chosen, misfits, strict=True))
         problem, current = _in_full(problem, current)
     return Selection(before, current, chosen, problem, tuple(search.tried), specimen)
 
@@ -208,7 +213,7 @@ class _Search:
             named = entered is not None and entered[0].term.name not in {t.name for t in current.terms}
             self.tried.append(Tried((*(t.name for t in current.terms), FORM_ERROR), left, not named))
         if entered is None:
-            return self._in_anothers_place(incumbent, trials)
+            return self._in_anothers_place(incumbent, trials) or self._told_by_place(incumbent)
         trial, proposed = entered
         others = [t for t in trials if t.term.name != trial.term.name and t.gain <= (1 + KNOWN) * trial.gain]
         self.stand[_key(trial.term)] = tuple(Rival(t.term.effect, trial.gain - t.gain) for t in others)
@@ -232,6 +237,15 @@ class _Search:
         self.tried.append(Tried(tuple(term.name for term in proposed.solved.terms), gain, True))
         self.stand[_key(entered)] = (Rival(left.effect, gain),)
         return _reconsidered(self.build, proposed)
+
+    def _told_by_place(self, incumbent: CheckedFit) -> CheckedFit | None:
+        """With a field told place by place, where nothing else explains most of what is missing."""
+        found = told_by_place(self.build, incumbent)
+        if found is None:
+            return None
+        proposed, gain = found
+        self.tried.append(Tried(tuple(term.name for term in proposed.solved.terms), gain, True))
+        return refined(self.build, proposed, self.partitions)
 
     def pruned(self, incumbent: CheckedFit) -> tuple[tuple[Chosen, ...], CheckedFit]:
         """What is left without terms that the others have made superfluous, where the skin is the linearised one."""

@@ -194,6 +194,12 @@ def _covariances(shape: tuple[int, int], box: tuple[float, ...]) -> list[Array]:
     return [_half(shape, extent_m, side * np.array(lengths), angle) for lengths, angle in _kinds()]
 
 
+def covariance_half(extent_m: Array, length: float) -> tuple[int, Array]:
+    """The even covariance with this one of ``LENGTHS``: its number, and its half (M,J)."""
+    number = LENGTHS.index(length)
+    return number, _covariances(node_shape(extent_m), tuple(map(float, extent_m.ravel())))[number]
+
+
 def _kinds() -> Iterator[tuple[tuple[float, float], float]]:
     yield from (((length, length), 0.0) for length in LENGTHS)
     yield from (((across, ALONG), np.pi / ANGLES * k) for across in ACROSS for k in range(ANGLES))
@@ -306,7 +312,7 @@ def _onto_nodes(shape: tuple[int, int], box: tuple[float, ...]) -> tuple[Array, 
 def with_smooth_fields(problem: VoltageProblem, current: Solved, partitions: Sequence[Sequence[int]]) -> Solved:
     """The fit with a smooth field in each property that varies, where that is worth it."""
     for number, term in enumerate(current.terms):
-        for _ in range(PASSES if term.effect.hypothesis.field else 0):
+        for _ in range(PASSES if term.effect.hypothesis.field and not term.by_place else 0):
             freed = with_smooth_field(problem, current, number, partitions)
             if freed is None:
                 break

@@ -6,7 +6,16 @@ import numpy as np
 import pytest
 
 from ertskin.diagnosis.contract.claims import QUANTILE, Claim, Estimate
-from ertskin.diagnosis.judge.quantities import Spread, field_map, largest_alone, quantities, standard_of, stated
+from ertskin.diagnosis.judge.quantities import (
+    Spread,
+    field_map,
+    largest_alone,
+    quantities,
+    spread_of,
+    standard_of,
+    stated,
+    where_pressed,
+)
 from ertskin.hardware.virtual.bench.nominal import nominal_sensor
 from ertskin.physics.effects.adc_saturation import AdcSaturation
 from ertskin.physics.effects.contact_drift import ContactDrift
@@ -82,3 +91,28 @@ def test_of_contacts_that_drift_the_surest_states_how_far_the_farthest_goes() ->
     assert [list(claim.quantities) for claim in found] == [["largest_share_300_s"], [], []]
     assert found[0].quantities["largest_share_300_s"].value == pytest.approx(-0.25)
     assert ContactDrift(0, (0.0, 300.0), (-200.0, 0.0)).quantities(known) == {}
+
+
+def test_the_spread_of_places_lies_in_its_interval_as_often_as_it_says() -> None:
+    rng = np.random.default_rng(0)
+    found = [spread_of(0.2 * rng.standard_normal(6)) for _ in range(2000)]
+    assert np.mean([one.low <= 0.2 <= one.high for one in found]) == pytest.approx(0.9, abs=0.02)
+
+
+def test_a_map_states_the_sensing_points_too() -> None:
+    effect = PiezoInhomogeneity(amplitude=0.5, x_m=0.04, y_m=0.06, radius_m=0.02)
+    field = field_map(effect, SENSOR)
+    assert field is not None
+    taxels = field.as_builtins()["taxels"]
+    assert taxels["point_m"] == pytest.approx(SENSOR.taxel_m)
+    assert taxels["value"] == pytest.approx(effect.logarithm(SENSOR.taxel_m, SENSOR.extent_m), abs=1e-4)
+
+
+def test_what_is_told_by_places_is_determined_next_to_them_alone() -> None:
+    field = field_map(PiezoInhomogeneity(amplitude=0.5, x_m=0.04, y_m=0.06, radius_m=0.02), SENSOR)
+    assert field is not None
+    found = where_pressed(field, SENSOR.taxel_m[[3, 7]] + 1e-3)
+    assert found.taxels is not None
+    assert np.flatnonzero(found.taxels.determined).tolist() == [3, 7]
+    assert found.determined is not None
+    assert found.determined.sum() < 0.05 * len(found.determined)

@@ -30,10 +30,10 @@ class Line:
     evidence: Any = field(default_factory=lambda: SimpleNamespace(criteria=DEFAULT, scan_v=np.zeros((12, 1))))
     cell_count: int = 6
 
-    def solve(self, terms: int, calibration: None, steps: int = 15) -> Any:
-        kept = self.weight > 0
-        found = np.linalg.lstsq(np.vander(PLACE[kept], terms), self.reading[kept], rcond=None)[0]
-        residual = np.where(kept, self.reading - np.vander(PLACE, terms) @ found, 0.0)[:, None]
+    def solve(self, terms: list[Any], calibration: None, steps: int = 15) -> Any:
+        kept, count = self.weight > 0, len(terms)
+        found = np.linalg.lstsq(np.vander(PLACE[kept], count), self.reading[kept], rcond=None)[0]
+        residual = np.where(kept, self.reading - np.vander(PLACE, count) @ found, 0.0)[:, None]
         cost = np.bincount(self.cells, 0.5 * residual[:, 0] ** 2)
         fit = SimpleNamespace(quadratic=SimpleNamespace(cost=cost))
         return SimpleNamespace(terms=terms, calibration=None, effects=found, scan_residual=residual, fit=fit)
@@ -42,10 +42,15 @@ class Line:
         return np.asarray((self.reading - np.vander(PLACE, len(skin)) @ skin)[:, None])
 
 
-def chosen_of(monkeypatch: pytest.MonkeyPatch, reading: np.ndarray, order: int) -> Selection:
+def powers(count: int, by_place: int = 0) -> list[Any]:
+    """So many terms, the last few of them told place by place."""
+    return [SimpleNamespace(by_place=k >= count - by_place) for k in range(count)]
+
+
+def chosen_of(monkeypatch: pytest.MonkeyPatch, reading: np.ndarray, order: int, by_place: int = 0) -> Selection:
     problem = Line(reading)
     monkeypatch.setattr(foretold, "held_out", lambda solved, partitions: np.full(6, np.inf))
-    before, after = problem.solve(1, None), problem.solve(order, None)
+    before, after = problem.solve(powers(1), None), problem.solve(powers(order, by_place), None)
     selection = Selection(before, after, ("a term",), problem, ())  # type: ignore[arg-type]
     return that_foretells(selection, PARTITIONS)
 
@@ -56,7 +61,7 @@ def noise() -> np.ndarray:
 
 def test_a_cell_is_predicted_by_the_others() -> None:
     problem = Line(noise())
-    costs = refitted(problem, problem.solve(1, None), PARTITIONS)  # type: ignore[arg-type]
+    costs = refitted(problem, problem.solve(powers(1), None), PARTITIONS)  # type: ignore[arg-type]
     for k, cost in enumerate(costs):
         out = problem.cells == k
         rest = problem.reading[~out].mean()
@@ -87,9 +92,14 @@ def test_terms_that_spoil_go_though_they_fit_better(monkeypatch: pytest.MonkeyPa
     assert left.after is left.before
 
 
+def test_what_is_told_place_by_place_has_no_cells_to_foretell(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert chosen_of(monkeypatch, noise(), 9, by_place=8).chosen
+    assert not chosen_of(monkeypatch, noise(), 9, by_place=1).chosen
+
+
 def test_what_a_step_from_the_fit_foretells_well_enough_is_fitted_no_further(monkeypatch: pytest.MonkeyPatch) -> None:
     problem = Line(20 * PLACE + noise())
-    selection = Selection(problem.solve(1, None), problem.solve(2, None), ("a term",), problem, ())  # type: ignore[arg-type]
+    selection = Selection(problem.solve(powers(1), None), problem.solve(powers(2), None), ("a term",), problem, ())  # type: ignore[arg-type]
     monkeypatch.setattr(foretold, "held_out", lambda solved, partitions: np.ones(6))
     monkeypatch.setattr(foretold, "refitted", lambda *given: pytest.fail("fitted"))
     assert that_foretells(selection, PARTITIONS) is selection
@@ -97,7 +107,7 @@ def test_what_a_step_from_the_fit_foretells_well_enough_is_fitted_no_further(mon
 
 def test_what_no_network_explains_has_no_part_in_what_a_step_foretells(monkeypatch: pytest.MonkeyPatch) -> None:
     problem = Line(20 * PLACE + noise())
-    before, after = problem.solve(1, None), problem.solve(2, None)
+    before, after = problem.solve(powers(1), None), problem.solve(powers(2), None)
     after.fit.quadratic.cost += 1e4
     selection = Selection(before, after, ("a term",), problem, ())  # type: ignore[arg-type]
     monkeypatch.setattr(foretold, "held_out", lambda solved, partitions: np.full(6, 1e4 + 1.0))

@@ -55,3 +55,12 @@ def test_a_smooth_field_gains_no_more_than_its_evidence(monkeypatch: pytest.Monk
     present = fit([80.0, 80.0], (Term(SheetInhomogeneity(), (), Modes(np.zeros((2, 2, 2))), (1.0, -2.0)),), curved)
     foretold(monkeypatch, without, ([100.0, 100.0], [80.0, 80.0]))
     assert gain.gained(without, present, [[0], [1]], DEFAULT) == pytest.approx(40.0 - gain.freedom(present))
+
+
+def test_a_field_told_by_place_gains_its_evidence_whatever_cells_foretell(monkeypatch: pytest.MonkeyPatch) -> None:
+    curved = np.zeros((3, 2, 2))
+    curved[0] = np.diag([7.0, 3.0])
+    by_place = Term(SheetInhomogeneity(), (), Modes(np.zeros((1, 2, 2)), by_place=True), (1.0,))
+    without, present = fit([100.0, 100.0]), fit([80.0, 80.0], (by_place,), curved)
+    foretold(monkeypatch, without, ([100.0, 100.0], [1e6, 1e6]))
+    assert gain.gained(without, present, [[0], [1]], DEFAULT) == pytest.approx(40.0 - gain.freedom(present))

@@ -1,0 +1,141 @@
+"""A field told place by place: what presses show where one place doesn't foretell another.
+
+Of lots sewn together, wrinkles or a stain narrower than presses are apart nothing can be predicted where nothing has
+pressed, so cells held out have no say. But one number for every pressed place explains its presses at every load; where
+so few numbers explain most of what is missing and no effect of few numbers does, the field is there, known where
+something has pressed and as unknown as beforehand elsewhere.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ertskin.diagnosis.fit.full_solution_check import CheckedFit, Problem, checked_fit
+from ertskin.diagnosis.fit.joint_fit import Modes, Solved, Term, VoltageProblem
+from ertskin.diagnosis.linear.calibration_vector import Calibration
+from ertskin.diagnosis.search.settling import where_it_settles
+from ertskin.diagnosis.search.smooth_fields import MOST_MODES, SPREADS, covariance_half, node_shape
+from ertskin.diagnosis.search.trials import unlikely, worth_a_name
+from ertskin.physics.effects.effect import Effect
+from ertskin.physics.effects.hypothesis import Need, Signal
+from ertskin.physics.effects.registry import effects_shown_by
+from ertskin.physics.effects.smooth_field import field_design
+
+Array = NDArray[np.float64]
+
+SAME_M = 1e-4
+"""Places nearer to one another than this are one."""
+LENGTH = 0.25
+"""Correlation length over the sheet's longer side: a press sees little of how the field differs within what it covers.
+Of four recordings with hidden fields two are likelier with half of it or less, by 1 %, two with this or more."""
+LEAST_SIZE = 1e-6
+"""Part of the largest mode of the covariance among places from which on down its modes are left out."""
+LEAST_SPREAD = 0.01
+"""Least standard deviation of the logarithm over the places pressed: on `rig_a` what the pressure's form leaves next to
+the rim is a thousandth of the signal."""
+
+
+def told_by_place(build: Problem, incumbent: CheckedFit) -> tuple[CheckedFit, float] | None:
+    """The fit with a field that only presses show told place by place, and the half chi-square that gains.
+
+    None where little is missing or a field is in the fit, where it explains less than half, or where the places hardly
+    differ.
+    """
+    problem, current = incumbent.problem, incumbent.solved
+    if incumbent.misfit <= problem.evidence.criteria.mismatch_ratio or any(map(_of_presses, current.terms)):
+        return None
+    for kind in effects_shown_by(Signal.READINGS):
+        if not _of_presses(Term(kind(), ())):
+            continue
+        proposed = _explaining_most(build, incumbent, kind)
+        gain = 0.0 if proposed is None else unlikely(current) - unlikely(proposed.solved)
+        if proposed is not None and gain > worth_a_name(problem, current):
+            return proposed, gain
+    return None
+
+
+def misfits_by_place(build: Problem, fit: CheckedFit, fixed: int) -> list[float | None]:
+    """Misfit over noise of the presses fitted with each field told place by place, of all terms but the first
+    ``fixed``; None for what isn't such a field, or is none where so few numbers explain less than half of it."""
+    problem, current, found = fit.problem, fit.solved, list[float | None]()
+    for number, term in list(enumerate(current.terms))[fixed:]:
+        by_place = fit if term.by_place else None
+        if _of_presses(term) and not term.by_place:
+            rest = [other for k, other in enumerate(current.terms) if k != number]
+            without = problem.solve(rest, _nominal(current), leftover=current.leftover)
+            by_place = _explaining_most(build, checked_fit(problem, without), type(term.effect))
+        found.append(None if by_place is None else by_place.misfit)
+    return found
+
+
+def _of_presses(term: Term) -> bool:
+    """Whether it is a field over the sheet that only presses show."""
+    return term.effect.hypothesis.field and Need.PRESSES in term.effect.hypothesis.needs
+
+
+def _nominal(solved: Solved) -> Calibration:
+    """The calibration with the nominal ratio of moduli, which may have run far to make up for the field."""
+    return replace(solved.calibration, log_ratio=0.0)
+
+
+def _explaining_most(build: Problem, without: CheckedFit, kind: type[Effect]) -> CheckedFit | None:
+    """The fit with a field told place by place where it settles, if that explains most of what is missing."""
+    problem, begun = without.problem, without.solved
+    place_m, extent_m = pressed_places_m(problem), problem.evidence.sensor.extent_m
+    if not 1 < len(place_m) <= MOST_MODES:
+        return None
+    solved, spread = begun, SPREADS[-1]
+    for _ in range(2):
+        # The first fit tells by how much places differ, which is what is expected of those not pressed.
+        term = _term(kind, place_m, spread, extent_m)
+        solved = problem.solve([*begun.terms, term], _nominal(begun), leftover=begun.leftover)
+        spread = float(np.std(logarithms(solved.effects[-1], place_m, extent_m)))
+        if spread < LEAST_SPREAD:
+            return None
+    proposed = where_it_settles(build, None, solved)
+    return proposed if proposed is not None and _explains_most(proposed, without) else None
+
+
+def _explains_most(proposed: CheckedFit, without: CheckedFit) -> bool:
+    left = 1 - proposed.problem.evidence.criteria.most_share
+    return proposed.misfit**2 - 1 < left * (without.misfit**2 - 1)
+
+
+def pressed_places_m(problem: VoltageProblem) -> Array:
+    """(K,2) where the frames fitted press, in metre."""
+    history = problem.evidence.history
+    contact_m = history.contact_m[history.touched & (problem.weight > 0)[:, None]]
+    rounded = np.round(contact_m[np.isfinite(contact_m).all(axis=-1)] / SAME_M).astype(np.int64)
+    return np.asarray(np.unique(rounded, axis=0) * SAME_M)
+
+
+def logarithms(effect: Effect, place_m: Array, extent_m: Array) -> Array:
+    """(K,) logarithm of a field's factor at places (K,2)."""
+    found = effect.map_at(place_m, extent_m)
+    return np.zeros(len(place_m)) if found is None else found
+
+
+def _term(kind: type[Effect], place_m: Array, spread: float, extent_m: Array) -> Term:
+    modes = modes_at(place_m, spread, extent_m)
+    return Term(kind(), (), modes).at(np.zeros(len(modes.nodes)).tolist())
+
+
+def modes_at(place_m: Array, spread: float, extent_m: Array) -> Modes:
+    """What values at places (K,2), of mean nought, say of a process: K - 1 modes of it.
+
+    With K the covariance among the places and C that between nodes and places, C K^(-1/2) is all of the process that
+    places tell of. Their mean is the law's: left free it drifts to whatever mends the law's form, and places that
+    nothing has pressed are predicted badly.
+    """
+    number, half = covariance_half(extent_m, LENGTH)
+    shape = node_shape(extent_m)
+    at_places = field_design(shape, place_m, extent_m) @ half
+    size, vector = np.linalg.eigh(at_places @ at_places.T)
+    kept = size > LEAST_SIZE * size[-1]
+    even = vector[:, kept].sum(axis=0) * np.sqrt(size[kept])
+    uneven = np.linalg.svd(even[None, :])[2][1:].T
+    nodes = spread * half @ at_places.T @ (vector[:, kept] / np.sqrt(size[kept])) @ uneven
+    return Modes(nodes.T.reshape(-1, *shape), number, spread, by_place=True)
