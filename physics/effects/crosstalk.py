@@ -29,8 +29,8 @@ class Crosstalk(AcquisitionEffect):
     ``before``: ``"channel"``, the channels read before; ``"injection"``, the same channel in the injections before.
     What is kept is the last reading before and, by the part ``lasting``, what that one had found: a mean of all before,
     each counting ``lasting`` times as much as the next, for dielectrics give back slowly. ``begins``: what the first
-    channel of an injection finds: ``"carried"``, the last reading of the injection before, the first of all that of the
-    scan before, taken to be alike; ``"discharged"``, an empty capacitor; ``"settled"``, its own value already.
+    channel of an injection finds: ``"carried"``, the last reading of the injection before; ``"discharged"``, an empty
+    capacitor; ``"settled"``, its own value already.
     ``passes``: whether readings that aren't taken charge the capacitor all the same, as a multiplexer does that steps
     through all its channels; where contacts of ``driven_ohm`` carry the current their voltages are the largest.
     """
@@ -84,15 +84,10 @@ class Crosstalk(AcquisitionEffect):
 
     def _found(self, values: Array) -> Array:
         """(...,n) what each of readings (...,n) in turn finds."""
-        last = self.lasting
-        first = {"carried": values[..., -1:], "discharged": np.zeros_like(values[..., :1])}.get(
-            self.begins, values[..., :1]
-        )
-        if last == 0:
+        first = np.zeros_like(values[..., :1]) if self.begins == "discharged" else values[..., :1]
+        if self.lasting == 0:
             return np.concatenate([first, values[..., :-1]], axis=-1)
-        if self.begins == "carried":
-            # What a scan leaves that began with an empty capacitor, and what it left of all those before.
-            first = lfilter([1 - last], [1.0, -last], values, axis=-1)[..., -1:] / (1 - last ** values.shape[-1])
+        last = self.lasting
         later, _ = lfilter([1 - last], [1.0, -last], values[..., :-1], axis=-1, zi=last * first)
         return np.concatenate([first, later], axis=-1)
 

@@ -92,8 +92,10 @@ def of_maps(claims: Sequence[Claim]) -> list[Claim]:
 
 
 def spoiling(claims: Sequence[Claim], spoilt: bool, criteria: Criteria) -> list[Claim]:
-    """Names are half as sure where presses that no fit has seen are predicted worse with them than without."""
-    return [replace(c, confidence=criteria.doubted_share * c.confidence) for c in claims] if spoilt else list(claims)
+    """Names are half as sure where presses that no fit has seen are predicted worse with them than without; but for
+    what is told place by place, which predicts none."""
+    doubted = criteria.doubted_share if spoilt else 1.0
+    return [c if c.by_place else replace(c, confidence=doubted * c.confidence) for c in claims]
 
 
 def noisy(claims: Sequence[Claim], channels: Collection[int], criteria: Criteria) -> list[Claim]:

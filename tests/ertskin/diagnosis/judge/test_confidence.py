@@ -139,6 +139,11 @@ def test_names_that_spoil_the_prediction_are_half_as_sure() -> None:
     assert spoiling(claims, True, DEFAULT)[0].confidence == pytest.approx(0.475)
 
 
+def test_what_is_told_place_by_place_spoils_no_prediction() -> None:
+    told = replace(claim(PiezoInhomogeneity(amplitude=0.1), 2.0), by_place=True)
+    assert spoiling([told], True, DEFAULT) == [told]
+
+
 def test_presses_predicted_worse_than_by_the_uncorrected_simulator_are_spoilt() -> None:
     before, little, more = (np.full((4, 3), size) for size in (2.0, 2.05, 2.2))
     held = np.arange(4)
