@@ -20,6 +20,9 @@ MAP_POWER = 5.0
 of 21 below 0.95 had the right map, 9 of 11 above it: the likeliest power is 5.5, 3.5 to 8 within half a nat, and gains
 8.5. The 121 other names want 0.8, which gains 0.3: they are left as they are."""
 
+RATHER = 0.5
+"""Confidence below which a map is rather wrong than right."""
+
 
 def reasoned(before: Sequence[Claim], after: Sequence[Claim], rule: str, why: str) -> list[Claim]:
     """The claims ``after`` a rule, those it made less sure with the reason; both in the same order."""
@@ -44,8 +47,8 @@ def left_over(
     sensitivity left a quarter of the misfit, 7 % of its square. ``presses_free`` is what stays of ``after`` on a rig
     whose presses don't repeat once each may land and press in its own way: that scatter speaks only against names for
     what changes from place to place or from electrode to electrode. ``of_fields`` is what speaks against fields: a map
-    that predicts presses badly is no map of what is there, though nobody could have known it there. A field that is
-    surer told place by place, of which no place predicts another, answers for the presses fitted alone.
+    that predicts presses badly is no map of what is there, though nobody could have known it there. A field whose map
+    is rather wrong than right, but which is surer told place by place, answers for the presses fitted alone.
     """
 
     def share(claim: Claim) -> float:
@@ -58,7 +61,7 @@ def left_over(
 
     def judged(claim: Claim) -> Claim:
         foretelling, told = claim.confidence * share(claim), claim.confidence * _explained_by_place(claim, criteria)
-        if told > foretelling**MAP_POWER:
+        if foretelling**MAP_POWER < min(RATHER, told):
             return replace(claim, confidence=told, by_place=True)
         return replace(claim, confidence=foretelling)
 

@@ -95,7 +95,7 @@ def _explaining_most(build: Problem, without: CheckedFit, kind: type[Effect]) ->
         spread = float(np.std(logarithms(solved.effects[-1], place_m, extent_m)))
         if spread < LEAST_SPREAD:
             return None
-    proposed = where_it_settles(build, None, solved)
+    proposed = where_it_settles(build, problem, solved)
     return proposed if proposed is not None and _explains_most(proposed, without) else None
 
 
