@@ -20,7 +20,7 @@ BEGINNINGS = "carried", "discharged", "settled"
 LASTING = 0.5, 0.7
 """Where fits of a memory of more than one reading begin."""
 LONGEST = 0.8
-"""A memory that lasts longer is hardly anything but the mean of all readings, which an amplifier's common mode adds too:
+"""A memory that lasts longer is hardly anything but the mean of all readings, which an amplifier's common mode adds:
 fitted freely it came to 0.94 to 0.97 on three recordings with that, to 0.4 on one whose dielectric gives back."""
 
 

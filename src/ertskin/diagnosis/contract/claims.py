@@ -102,9 +102,9 @@ class Claim:
 
     ``rivals``: what else was fitted in its stead; ``reasons`` for the confidence, in the order in which they count.
     ``quantities`` mean the same in any form of the effect; ``field_map`` is of an effect that has a
-    field. ``by_force``: force over depth alone has named it. ``misfit_by_place``: of the presses fitted, over noise,
-    with the field that it is told place by place; ``by_place``: that is what makes it sure, and nothing is said of
-    places that nothing has pressed.
+    field. ``by_force``: force over depth alone has named it. ``misfits_by_place``: of the presses fitted, over noise,
+    without the field that it is and with it told place by place; ``by_place``: that is what makes it sure, and nothing
+    is said of places that nothing has pressed.
     """
 
     effect: Effect
@@ -117,7 +117,7 @@ class Claim:
     quantities: dict[str, Estimate] = field(default_factory=dict)
     field_map: FieldMap | None = None
     by_force: bool = False
-    misfit_by_place: float | None = None
+    misfits_by_place: tuple[float, float] | None = None
     by_place: bool = False
 
     @property

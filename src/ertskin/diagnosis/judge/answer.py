@@ -366,7 +366,7 @@ def _voltage_claim(selection: Selection, chosen: Chosen, number: int) -> Claim:
         estimates[key] = estimate(*solved.known(first + number, key), term.effect.known(key))
     confidence, alternatives = against(chosen.rivals, selection.problem.evidence.criteria)
     ratio, rivals = chosen.ratio_alone, chosen.rivals
-    return Claim(term.effect, confidence, ratio, estimates, alternatives, rivals, misfit_by_place=chosen.by_place)
+    return Claim(term.effect, confidence, ratio, estimates, alternatives, rivals, misfits_by_place=chosen.by_place)
 
 
 def _electrodes(case: Case, claims: list[Claim], jitters: bool) -> tuple[int, ...]:

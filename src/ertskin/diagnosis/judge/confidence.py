@@ -70,10 +70,7 @@ def left_over(
 
 def _explained_by_place(claim: Claim, criteria: Criteria) -> float:
     """Part of the misfit of the presses fitted that goes where a field is told place by place; nought for any other."""
-    if claim.misfit_by_place is None:
-        return 0.0
-    without = float(np.sqrt(claim.misfit_by_place**2 + claim.ratio_alone**2 - 1))
-    return _explained(without, claim.misfit_by_place, criteria)
+    return 0.0 if claim.misfits_by_place is None else _explained(*claim.misfits_by_place, criteria)
 
 
 def left_beyond(claims: Sequence[Claim], before: float, after: float, criteria: Criteria) -> list[Claim]:

@@ -8,11 +8,13 @@ something has pressed and as unknown as beforehand elsewhere.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ertskin.diagnosis.fit.cross_validation import log_misfit, numbers_of, refitted
 from ertskin.diagnosis.fit.full_solution_check import CheckedFit, Problem, checked_fit
 from ertskin.diagnosis.fit.joint_fit import Modes, Solved, Term, VoltageProblem
 from ertskin.diagnosis.linear.calibration_vector import Calibration
@@ -57,18 +59,31 @@ def told_by_place(build: Problem, incumbent: CheckedFit) -> tuple[CheckedFit, fl
     return None
 
 
-def misfits_by_place(build: Problem, fit: CheckedFit, fixed: int) -> list[float | None]:
-    """Misfit over noise of the presses fitted with each field told place by place, of all terms but the first
-    ``fixed``; None for what isn't such a field, or is none where so few numbers explain less than half of it."""
-    problem, current, found = fit.problem, fit.solved, list[float | None]()
+def fields_by_place(build: Problem, fit: CheckedFit, fixed: int) -> list[tuple[CheckedFit, CheckedFit] | None]:
+    """The fits without each field and with it told place by place, last of the terms, of all but the first ``fixed``;
+    None for what isn't such a field, or is none where so few numbers explain less than half of it."""
+    problem, current, found = fit.problem, fit.solved, list[tuple[CheckedFit, CheckedFit] | None]()
     for number, term in list(enumerate(current.terms))[fixed:]:
-        by_place = fit if term.by_place else None
-        if _of_presses(term) and not term.by_place:
-            rest = [other for k, other in enumerate(current.terms) if k != number]
-            without = problem.solve(rest, _nominal(current), leftover=current.leftover)
-            by_place = _explaining_most(build, checked_fit(problem, without), type(term.effect))
-        found.append(None if by_place is None else by_place.misfit)
+        if not _of_presses(term):
+            found.append(None)
+            continue
+        rest = [other for k, other in enumerate(current.terms) if k != number]
+        without = checked_fit(problem, problem.solve(rest, _nominal(current), leftover=current.leftover))
+        by_place = fit if term.by_place else _explaining_most(build, without, type(term.effect))
+        found.append(None if by_place is None else (without, by_place))
     return found
+
+
+def foretells(field: CheckedFit, without: CheckedFit, partitions: Sequence[Sequence[int]]) -> bool:
+    """Whether a field predicts cells held out so well that most of what is missing without it (rms, noise taken off)
+    is gone."""
+
+    def missing(fit: CheckedFit) -> float:
+        numbers = numbers_of(fit.problem, partitions)
+        unlikelihood = log_misfit(refitted(fit.problem, fit.solved, partitions), numbers)
+        return float(np.sqrt(max(np.exp(2 * unlikelihood / numbers.sum()) - 1.0, 0.0)))
+
+    return missing(field) < (1 - field.problem.evidence.criteria.most_share) * missing(without)
 
 
 def _of_presses(term: Term) -> bool:

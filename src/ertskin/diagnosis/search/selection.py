@@ -18,7 +18,7 @@ from ertskin.diagnosis.search.candidates import screen
 from ertskin.diagnosis.search.exchange import exchanged
 from ertskin.diagnosis.search.form_error import form_error
 from ertskin.diagnosis.search.gain import gained
-from ertskin.diagnosis.search.pressed_places import misfits_by_place, told_by_place
+from ertskin.diagnosis.search.pressed_places import fields_by_place, foretells, told_by_place
 from ertskin.diagnosis.search.settling import refined, where_it_settles
 from ertskin.diagnosis.search.smooth_fields import with_smooth_field
 from ertskin.diagnosis.search.trials import (
@@ -60,7 +60,7 @@ class Chosen:
 
     ``ratio_alone``: rms over noise that this term by itself would make, on frames held out. ``confidence``: that of
     another way to choose, which no rule changes; None where it follows from the rivals and the rules. ``by_place``:
-    misfit over noise of the presses fitted where the field that it is is told place by place, None where it isn't one.
+    misfits over noise of the presses fitted without the field that it is, and with it told place by place.
     """
 
     term: Term
@@ -68,7 +68,7 @@ class Chosen:
     ratio_alone: float
     rivals: Rivals
     confidence: float | None = None
-    by_place: float | None = None
+    by_place: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,9 +125,8 @@ def select(
         specimen, before = "disagrees", _calibrated(search.build, fixed, start).solved
     problem, current = incumbent.problem, incumbent.solved
     if chosen:
-        misfits = misfits_by_place(search.build, incumbent, len(incumbent.solved.terms) - len(chosen))
-        chosen = tuple(replace(one, by_place=misfit) for one, misfit in zip(chosen, misfits, strict=True))
-        problem, current = _in_full(problem, current)
+        chosen, incumbent = _told_by_place(search.build, incumbent, chosen, partitions)
+        problem, current = _in_full(incumbent.problem, incumbent.solved)
     return Selection(before, current, chosen, problem, tuple(search.tried), specimen)
 
 
@@ -256,6 +255,24 @@ class _Search:
         # What is left may fit as well elsewhere only because the skin was linearised far from there.
         chosen, current = _backward(proposed.problem, proposed.solved, self.fixed, self.partitions, self.stand)
         return chosen, replace(proposed, solved=current)
+
+
+def _told_by_place(
+    build: Problem, incumbent: CheckedFit, chosen: tuple[Chosen, ...], partitions: Sequence[Sequence[int]]
+) -> tuple[tuple[Chosen, ...], CheckedFit]:
+    """The terms chosen, fields with how well places by themselves tell of them; the first one that foretells little and
+    fits no better is told so, last of the terms."""
+    fits = fields_by_place(build, incumbent, len(incumbent.solved.terms) - len(chosen))
+    found = [
+        one if fit is None else replace(one, by_place=(fit[0].misfit, fit[1].misfit))
+        for one, fit in zip(chosen, fits, strict=True)
+    ]
+    for number, fit in enumerate(fits):
+        if fit is None or fit[1] is incumbent or fit[1].spoils(incumbent) or foretells(incumbent, fit[0], partitions):
+            continue
+        told = replace(found[number], term=fit[1].solved.terms[-1])
+        return (*found[:number], *found[number + 1 :], told), fit[1]
+    return tuple(found), incumbent
 
 
 def _as_tried(trial: Trial, kept: bool) -> Tried:

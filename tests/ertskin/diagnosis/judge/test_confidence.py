@@ -61,7 +61,7 @@ def test_a_field_that_places_tell_of_is_as_sure_as_they_make_it() -> None:
     """Half of the rms is foretold, and one number for every place leaves next to nothing of the presses fitted."""
     field = claim(PiezoInhomogeneity(amplitude=0.3), 3.0)
     (foretelling,) = left_over([field], 3.0, 1.6, DEFAULT, None, 1.6)
-    (told,) = left_over([replace(field, misfit_by_place=1.06)], 3.0, 1.6, DEFAULT, None, 1.6)
+    (told,) = left_over([replace(field, misfits_by_place=(3.0, 1.06))], 3.0, 1.6, DEFAULT, None, 1.6)
     assert not foretelling.by_place
     assert told.by_place
     assert told.confidence == pytest.approx(0.95 * 0.95, abs=0.02)
@@ -70,7 +70,7 @@ def test_a_field_that_places_tell_of_is_as_sure_as_they_make_it() -> None:
 
 
 def test_a_map_that_foretells_is_kept() -> None:
-    field = replace(claim(PiezoInhomogeneity(amplitude=0.3), 3.0), misfit_by_place=1.5)
+    field = replace(claim(PiezoInhomogeneity(amplitude=0.3), 3.0), misfits_by_place=(3.0, 1.5))
     (found,) = left_over([field], 3.0, 1.04, DEFAULT, None, 1.04)
     assert not found.by_place
     assert found.confidence == 0.95

@@ -6,14 +6,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from small_problem import START, recorded
+from small_problem import PARTITIONS, START, recorded
 
 from ertskin.diagnosis.fit.full_solution_check import CheckedFit, checked_fit
 from ertskin.diagnosis.fit.joint_fit import Term, VoltageProblem
 from ertskin.diagnosis.search.pressed_places import (
     LENGTH,
+    fields_by_place,
+    foretells,
     logarithms,
-    misfits_by_place,
     modes_at,
     pressed_places_m,
     told_by_place,
@@ -72,10 +73,23 @@ def test_of_what_is_named_a_field_alone_is_told_by_place_as_well() -> None:
     modes = modes_at(pressed_places_m(problem), 0.03, problem.evidence.sensor.extent_m)
     smooth = Term(PiezoInhomogeneity(), (), replace(modes, by_place=False)).at((0.0, 0.0, 0.0))
     fit = checked_fit(problem, problem.solve([Term(loop, ("width",)), smooth], START))
-    of_loop, of_field = misfits_by_place(lambda solved: problem, fit, 0)
+    of_loop, of_field = fields_by_place(lambda solved: problem, fit, 0)
     assert of_loop is None
-    assert of_field == pytest.approx(fit.misfit, rel=0.05)
-    assert misfits_by_place(lambda solved: problem, fit, 1) == [of_field]
+    assert of_field is not None
+    without, by_place = of_field
+    assert [term.by_place for term in by_place.solved.terms] == [False, True]
+    assert by_place.misfit == pytest.approx(fit.misfit, rel=0.05)
+    assert without.misfit > 2 * by_place.misfit
+    assert len(fields_by_place(lambda solved: problem, fit, 1)) == 1
+
+
+def test_cells_tell_whether_a_field_foretells() -> None:
+    hill = PiezoInhomogeneity(amplitude=0.05, x_m=0.025, y_m=0.025, radius_m=0.02)
+    problem = recorded(hill)
+    spot = Term(replace(hill, amplitude=0.03), ("amplitude",))
+    with_hill, without = (checked_fit(problem, problem.solve(terms, START)) for terms in ([spot], []))
+    assert foretells(with_hill, without, PARTITIONS)
+    assert not foretells(without, without, PARTITIONS)
 
 
 def test_places_differ_from_their_mean_and_say_nothing_of_those_far_away() -> None:
