@@ -110,9 +110,10 @@ def _for_simulation(
 ) -> Findings:
     """The findings, of which what is handed on is fitted to all presses where they are few, and chosen from all of
     them, beginning with what was found, where they are very few or have shown a field. What spoils predictions isn't
-    looked for again."""
+    looked for again, unless it is told place by place, which predicts nothing."""
     everything, presses = all_fitted(evidence)
-    nothing = findings.diagnosis.spoilt or (presses >= FEW and not selection.after.effects)
+    spoilt = findings.diagnosis.spoilt and not any(claim.by_place for claim in findings.diagnosis.claims)
+    nothing = spoilt or (presses >= FEW and not selection.after.effects)
     if presses >= MANY or nothing or findings.diagnosis.verdict == "no_mismatch":
         return findings
     report(0.94, "fitting all presses, which are few, for what is handed on")

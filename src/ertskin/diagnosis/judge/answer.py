@@ -315,7 +315,7 @@ def _reason(case: Case, claims: list[Claim], jitters: bool) -> str | None:
         for name, determined, points in determined_points(case.selection.after, case.evidence.sensor)
         if determined < points and name not in by_place
     ]
-    if claims and case.found.spoilt(case.criteria):
+    if claims and case.found.spoilt(case.criteria) and not by_place:
         said.append(f"{SPOILT}: it is not handed on, press more places")
     if case.selection.specimen == "disagrees":
         said.append("the specimen and the skin disagree, two pieces of fabric: the skin is judged by its own readings")

@@ -17,6 +17,8 @@ from ertskin.diagnosis.judge.undetermined_field import errors_at
 from ertskin.diagnosis.linear.calibration_vector import SkinFamily
 from ertskin.diagnosis.recording.evidence import Evidence
 from ertskin.diagnosis.rest.baseline import Baseline
+from ertskin.diagnosis.search.pressed_places import logarithms, pressed_places_m
+from ertskin.diagnosis.search.selection import Selection
 from ertskin.physics.conduction.mesh import inside_polygon
 from ertskin.physics.effects.effect import Effect
 from ertskin.physics.effects.standard import Standard
@@ -67,7 +69,7 @@ def with_quantities(findings: Findings, family: SkinFamily) -> Findings:
         stated(claim, standard, _spread(claim, selection.after, baseline.force_best), evidence.sensor)
         for claim in findings.diagnosis.claims
     )
-    claims = largest_alone([_of_field(claim, selection.after, standard) for claim in stated_claims])
+    claims = largest_alone([_of_field(claim, selection, standard) for claim in stated_claims])
     return replace(findings, diagnosis=replace(findings.diagnosis, claims=claims))
 
 
@@ -88,7 +90,7 @@ def with_fields_of_all_presses(findings: Findings, family: SkinFamily) -> Findin
         term = terms[claim.effect.name]
         fitted = replace(claim, effect=term.effect, parameters={})
         fitted = stated(fitted, standard, _spread(fitted, whole.after, None), evidence.sensor)
-        known = _of_field(fitted, whole.after, standard)
+        known = _of_field(fitted, whole, standard)
         return replace(claim, quantities=known.quantities, field_map=known.field_map)
 
     claims = tuple(map(of_all, findings.diagnosis.claims))
@@ -105,18 +107,16 @@ def _standard(evidence: Evidence, baseline: Baseline, solved: Solved, family: Sk
     )
 
 
-def _of_field(claim: Claim, solved: Solved, standard: Standard) -> Claim:
+def _of_field(claim: Claim, selection: Selection, standard: Standard) -> Claim:
     """The claim with what the fit knows of its map, and by how much places differ where it is told by them."""
     if claim.field_map is None:
         return claim
-    name, extent_m, pressed_m = claim.effect.name, standard.extent_m, standard.pressed_m
-    claim = replace(claim, field_map=_as_known(claim.field_map, name, solved, extent_m))
-    _, told = errors_at(solved, extent_m, pressed_m).get(name, (None, np.ones(len(pressed_m), dtype=bool)))
-    found = claim.effect.map_at(pressed_m[told], extent_m)
-    if not claim.by_place or claim.field_map is None or found is None or len(found) < 2:
-        return claim
-    quantities_told = claim.quantities | {"log_spread": spread_of(found)}
-    return replace(claim, field_map=where_pressed(claim.field_map, pressed_m[told]), quantities=quantities_told)
+    field = _as_known(claim.field_map, claim.effect.name, selection.after, standard.extent_m)
+    if not claim.by_place:
+        return replace(claim, field_map=field)
+    place_m = pressed_places_m(selection.problem)
+    spread = spread_of(logarithms(claim.effect, place_m, standard.extent_m))
+    return replace(claim, field_map=where_pressed(field, place_m), quantities=claim.quantities | {"log_spread": spread})
 
 
 def _as_known(field: FieldMap, name: str, solved: Solved, extent_m: Array) -> FieldMap:
