@@ -74,16 +74,15 @@ def fields_by_place(build: Problem, fit: CheckedFit, fixed: int) -> list[tuple[C
     return found
 
 
-def foretells(field: CheckedFit, without: CheckedFit, partitions: Sequence[Sequence[int]]) -> bool:
-    """Whether a field predicts cells held out so well that most of what is missing without it (rms, noise taken off)
-    is gone."""
+def part_missed(field: CheckedFit, without: CheckedFit, partitions: Sequence[Sequence[int]]) -> float:
+    """By what cells held out are missed with a field (rms, noise taken off), over that without it."""
 
-    def missing(fit: CheckedFit) -> float:
+    def missed(fit: CheckedFit) -> float:
         numbers = numbers_of(fit.problem, partitions)
         unlikelihood = log_misfit(refitted(fit.problem, fit.solved, partitions), numbers)
         return float(np.sqrt(max(np.exp(2 * unlikelihood / numbers.sum()) - 1.0, 0.0)))
 
-    return missing(field) < (1 - field.problem.evidence.criteria.most_share) * missing(without)
+    return missed(field) / max(missed(without), 1e-12)
 
 
 def _of_presses(term: Term) -> bool:

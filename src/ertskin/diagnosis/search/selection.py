@@ -18,7 +18,7 @@ from ertskin.diagnosis.search.candidates import screen
 from ertskin.diagnosis.search.exchange import exchanged
 from ertskin.diagnosis.search.form_error import form_error
 from ertskin.diagnosis.search.gain import gained
-from ertskin.diagnosis.search.pressed_places import fields_by_place, foretells, told_by_place
+from ertskin.diagnosis.search.pressed_places import fields_by_place, part_missed, told_by_place
 from ertskin.diagnosis.search.settling import refined, where_it_settles
 from ertskin.diagnosis.search.smooth_fields import with_smooth_field
 from ertskin.diagnosis.search.trials import (
@@ -260,15 +260,21 @@ class _Search:
 def _told_by_place(
     build: Problem, incumbent: CheckedFit, chosen: tuple[Chosen, ...], partitions: Sequence[Sequence[int]]
 ) -> tuple[tuple[Chosen, ...], CheckedFit]:
-    """The terms chosen, fields with how well places by themselves tell of them; the first one that foretells little and
-    fits no better is told so, last of the terms."""
+    """The terms chosen, fields with how well places by themselves tell of them.
+
+    The first one that foretells little and fits no better, or that foretells worse than nothing, is told so, last of
+    the terms.
+    """
     fits = fields_by_place(build, incumbent, len(incumbent.solved.terms) - len(chosen))
     found = [
         one if fit is None else replace(one, by_place=(fit[0].misfit, fit[1].misfit))
         for one, fit in zip(chosen, fits, strict=True)
     ]
     for number, fit in enumerate(fits):
-        if fit is None or fit[1] is incumbent or fit[1].spoils(incumbent) or foretells(incumbent, fit[0], partitions):
+        if fit is None or fit[1] is incumbent:
+            continue
+        missed = part_missed(incumbent, fit[0], partitions)
+        if missed < (1.0 if fit[1].spoils(incumbent) else 1 - incumbent.problem.evidence.criteria.most_share):
             continue
         told = replace(found[number], term=fit[1].solved.terms[-1])
         return (*found[:number], *found[number + 1 :], told), fit[1]
