@@ -28,6 +28,7 @@ from ertskin.hardware.recording import read_recording
 from ertskin.hardware.virtual.bench import FAST, write_bench
 from ertskin.physics.conduction.mesh import MeshError
 from ertskin.physics.effects.adc_saturation import AdcSaturation
+from ertskin.physics.effects.piezo_inhomogeneity import PiezoInhomogeneity
 from ertskin.physics.effects.registry import effects_config
 
 pytestmark = pytest.mark.long
@@ -111,20 +112,21 @@ def test_few_presses_that_can_not_be_fitted_together_hand_on_what_was_claimed() 
 
 
 @pytest.mark.parametrize(
-    ("presses", "effects", "field", "spoilt", "way"),
+    ("presses", "effects", "field", "spoilt", "by_place", "way"),
     [
-        (11, 1, False, False, "chosen"),
-        (11, 0, False, False, "chosen"),
-        (11, 1, True, True, "as found"),
-        (12, 1, False, False, "fitted"),
-        (12, 1, True, False, "chosen"),
-        (12, 0, False, False, "as found"),
-        (12, 1, False, True, "as found"),
-        (24, 1, True, False, "as found"),
+        (11, 1, False, False, False, "chosen"),
+        (11, 0, False, False, False, "chosen"),
+        (11, 1, True, True, False, "as found"),
+        (11, 1, True, True, True, "chosen"),
+        (12, 1, False, False, False, "fitted"),
+        (12, 1, True, False, False, "chosen"),
+        (12, 0, False, False, False, "as found"),
+        (12, 1, False, True, False, "as found"),
+        (24, 1, True, False, False, "as found"),
     ],
 )
 def test_what_is_handed_on_is_chosen_or_fitted_by_how_many_presses_there_are(
-    monkeypatch, presses: int, effects: int, field: bool, spoilt: bool, way: str
+    monkeypatch, presses: int, effects: int, field: bool, spoilt: bool, by_place: bool, way: str
 ) -> None:
     monkeypatch.setattr(skin, "all_fitted", lambda evidence: (np.arange(3), presses))
 
@@ -136,7 +138,10 @@ def test_what_is_handed_on_is_chosen_or_fitted_by_how_many_presses_there_are(
     monkeypatch.setattr(skin, "_selected", selected)
     monkeypatch.setattr(skin, "_fitted_to", lambda *_: "fitted")
     monkeypatch.setattr(skin, "_handing_on", lambda findings, choose: choose())
-    found = Findings(Diagnosis("some.h5", "explained", HeldOut("split", 1e-3, 3.0, 1.0, 0.0), spoilt=spoilt))
+    monkeypatch.setattr(skin, "with_fields_of_all_presses", lambda whole, family: whole)
+    claims = (Claim(PiezoInhomogeneity(amplitude=0.1), 0.9, 2.0, {}, by_place=by_place),)
+    found = Findings(Diagnosis("some.h5", "explained", HeldOut("split", 1e-3, 3.0, 1.0, 0.0), claims=claims))
+    found = replace(found, diagnosis=replace(found.diagnosis, spoilt=spoilt))
     terms = [SimpleNamespace(modes=np.eye(2) if field else None)]
     begun = [(term, SimpleNamespace(rivals=())) for term in terms]
     selection = SimpleNamespace(after=SimpleNamespace(effects=("one",) * effects, terms=terms), found=begun)
