@@ -23,24 +23,20 @@ from judged import Judged  # noqa: E402
 from numpy.typing import NDArray  # noqa: E402
 from score import judged, opened  # noqa: E402
 
-from ertskin.diagnosis.fit.joint_fit import Modes, Term  # noqa: E402
+from ertskin.diagnosis.fit.joint_fit import Term  # noqa: E402
+from ertskin.diagnosis.judge.quantities import NEXT_TO_M  # noqa: E402
 from ertskin.diagnosis.recording.evidence import gather  # noqa: E402
 from ertskin.diagnosis.recording.split import all_fitted  # noqa: E402
 from ertskin.diagnosis.rest.baseline import calibrated  # noqa: E402
-from ertskin.diagnosis.search.smooth_fields import _half, node_shape  # noqa: E402
+from ertskin.diagnosis.search.pressed_places import modes_at, pressed_places_m  # noqa: E402
 from ertskin.diagnosis.skin import SkinFamily, _building, _start  # noqa: E402
 from ertskin.hardware.recording import read_recording  # noqa: E402
 from ertskin.physics.effects.piezo_inhomogeneity import PiezoInhomogeneity  # noqa: E402
-from ertskin.physics.effects.smooth_field import field_design  # noqa: E402
 
 Array = NDArray[np.float64]
 
-LENGTH = 0.1
-"""Correlation length between places, over the sheet's longer side: shorter than they are apart."""
 SPREAD = 0.3
 """Standard deviation expected of a place's number: the fit hardly owes anything to it."""
-SAME_M = 1e-3
-"""Places nearer to one another than this are one."""
 
 
 @dataclass(frozen=True)
@@ -57,16 +53,6 @@ class Known:
     slope: float
 
 
-def modes_at(place_m: Array, extent_m: Array) -> Modes:
-    """One mode for every place (K,2): what values there tell of a process with Matern's covariance of order 3/2."""
-    shape = node_shape(extent_m)
-    half = _half(shape, extent_m, LENGTH * np.full(2, np.ptp(extent_m, axis=0).max()), 0.0)
-    at_places = field_design(shape, place_m, extent_m) @ half
-    size, vector = np.linalg.eigh(at_places @ at_places.T)
-    nodes = SPREAD * half @ at_places.T @ (vector / np.sqrt(np.maximum(size, 1e-9)))
-    return Modes(nodes.T.reshape(-1, *shape), 0, SPREAD)
-
-
 def known(recording: Path, hidden: dict[str, Any], point_m: Array) -> Known:
     """What all presses of a recording know of the field ``hidden``, given at points (N,2)."""
     read = read_recording(recording)
@@ -79,15 +65,13 @@ def known(recording: Path, hidden: dict[str, Any], point_m: Array) -> Known:
     problem = _building(evidence, baseline, family, rows, lambda share, text: None)(None)
     fixed = [Term(effect, effect.hypothesis.also_in_readings) for effect in baseline.skin.effects]
     before = problem.solve(fixed, _start(baseline))
-    contact_m = evidence.history.contact_m[rows][evidence.history.touched[rows]]
-    place_m = np.unique(np.round(contact_m / SAME_M), axis=0) * SAME_M
-    extent_m = evidence.sensor.extent_m
-    modes = modes_at(place_m, extent_m)
-    field = Term(PiezoInhomogeneity(), (), modes).at(np.zeros(len(place_m)).tolist())
+    place_m, extent_m = pressed_places_m(problem), evidence.sensor.extent_m
+    modes = modes_at(place_m, SPREAD, extent_m)
+    field = Term(PiezoInhomogeneity(), (), modes).at(np.zeros(len(modes.nodes)).tolist())
     after = problem.solve([*fixed, field], before.calibration, steps=10)
     found = np.asarray(after.effects[-1].map_at(point_m, extent_m))
     true = np.array(hidden["details"]["map"])
-    near = np.linalg.norm(point_m[:, None] - place_m, axis=-1).min(axis=1) < 2 * SAME_M
+    near = np.linalg.norm(point_m[:, None] - place_m, axis=-1).min(axis=1) <= NEXT_TO_M
     numbers = len(rows) * problem.evidence.scan_v.shape[1]
     return Known(
         presses,

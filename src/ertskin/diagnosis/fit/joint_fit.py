@@ -54,8 +54,8 @@ LEFTOVER_FRAMES = 80
 class Modes:
     """Fields over the sheet by their ``nodes`` (K,rows,columns): sums of them in which each has unit variance, and no
     mean, are what is expected of a field beforehand. They are the larger part of a process: of the covariance with
-    this number, and of standard deviation ``spread``. ``by_place``: one mode for every place pressed, which tells of no
-    other place."""
+    this number, and of standard deviation ``spread``. ``by_place``: of what places pressed differ by alone, which tells
+    of no other place."""
 
     nodes: Array
     covariance: int = 0

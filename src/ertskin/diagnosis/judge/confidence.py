@@ -53,11 +53,11 @@ def left_over(
 
     def share(claim: Claim) -> float:
         if claim.effect.hypothesis.field and of_fields is not None:
-            return _explained(before, of_fields, criteria)
+            return explained(before, of_fields, criteria)
         if claim.by_force or (claim.effect.stage == Stage.MECHANICS and shown_by(claim.effect, Signal.FORCE)):
             return 1.0
         placed = "where" in claim.effect.hypothesis.kin
-        return _explained(before, after if placed or presses_free is None else presses_free, criteria)
+        return explained(before, after if placed or presses_free is None else presses_free, criteria)
 
     def judged(claim: Claim) -> Claim:
         foretelling, told = claim.confidence * share(claim), claim.confidence * _explained_by_place(claim, criteria)
@@ -70,12 +70,12 @@ def left_over(
 
 def _explained_by_place(claim: Claim, criteria: Criteria) -> float:
     """Part of the misfit of the presses fitted that goes where a field is told place by place; nought for any other."""
-    return 0.0 if claim.misfits_by_place is None else _explained(*claim.misfits_by_place, criteria)
+    return 0.0 if claim.misfits_by_place is None else explained(*claim.misfits_by_place, criteria)
 
 
 def left_beyond(claims: Sequence[Claim], before: float, after: float, criteria: Criteria) -> list[Claim]:
     """Names that what no network explains has shown lose confidence with the part of it (rms over noise) they leave."""
-    share = _explained(before, after, criteria)
+    share = explained(before, after, criteria)
     shown = [shown_by(claim.effect, Signal.NONRECIPROCAL) and not claim.by_force for claim in claims]
     return [replace(c, confidence=c.confidence * share) if seen else c for c, seen in zip(claims, shown, strict=True)]
 
@@ -109,10 +109,11 @@ def noisy(claims: Sequence[Claim], channels: Collection[int], criteria: Criteria
 
 def left_over_of_force(claims: Sequence[Claim], before: float, after: float, criteria: Criteria) -> list[Claim]:
     """The same for claims that the load cell made, with its misfits over its noise, where what is left is sure."""
-    return [replace(c, confidence=c.confidence * _explained(before, after, criteria)) for c in claims]
+    return [replace(c, confidence=c.confidence * explained(before, after, criteria)) for c in claims]
 
 
-def _explained(before: float, after: float, criteria: Criteria) -> float:
+def explained(before: float, after: float, criteria: Criteria) -> float:
+    """Part of a misfit (rms over the noise, the noise taken off) that is gone, what is immaterial left out."""
     excess, left = max(before**2 - 1, 0.0), max(after**2 - criteria.mismatch_ratio**2, 0.0)
     return max(0.0, 1 - float(np.sqrt(left / excess))) if excess > 0 else 1.0
 

@@ -125,7 +125,7 @@ def select(
         specimen, before = "disagrees", _calibrated(search.build, fixed, start).solved
     problem, current = incumbent.problem, incumbent.solved
     if chosen:
-        chosen, incumbent = _told_by_place(search.build, incumbent, chosen, partitions)
+        chosen, incumbent = _with_fields_by_place(search.build, incumbent, chosen, partitions)
         problem, current = _in_full(incumbent.problem, incumbent.solved)
     return Selection(before, current, chosen, problem, tuple(search.tried), specimen)
 
@@ -257,7 +257,7 @@ class _Search:
         return chosen, replace(proposed, solved=current)
 
 
-def _told_by_place(
+def _with_fields_by_place(
     build: Problem, incumbent: CheckedFit, chosen: tuple[Chosen, ...], partitions: Sequence[Sequence[int]]
 ) -> tuple[tuple[Chosen, ...], CheckedFit]:
     """The terms chosen, fields with how well places by themselves tell of them.

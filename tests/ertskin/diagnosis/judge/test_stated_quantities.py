@@ -1,13 +1,16 @@
 """Intervals of quantities follow from the parameters' covariance; maps lie in the sheet."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from ertskin.diagnosis.contract.claims import QUANTILE, Claim, Estimate
+from ertskin.diagnosis.criteria import DEFAULT
 from ertskin.diagnosis.judge.quantities import (
     Spread,
+    as_sure_as_all,
     field_map,
     largest_alone,
     quantities,
@@ -116,3 +119,18 @@ def test_what_is_told_by_places_is_determined_next_to_them_alone() -> None:
     assert np.flatnonzero(found.taxels.determined).tolist() == [3, 7]
     assert found.determined is not None
     assert found.determined.sum() < 0.05 * len(found.determined)
+
+
+@pytest.mark.parametrize(
+    ("pair", "confidence"), [((3.0, 1.06), 0.9), ((9.2, 5.9), 0.36), (None, 0.45)], ids=["all", "a third", "none"]
+)
+def test_what_places_tell_is_no_surer_than_all_presses_make_it(
+    pair: tuple[float, float] | None, confidence: float
+) -> None:
+    claim = Claim(PiezoInhomogeneity(amplitude=0.1), 0.9, 2.0, {}, by_place=True)
+    chosen = (SimpleNamespace(term=SimpleNamespace(name=claim.effect.name), by_place=pair),)
+    judged = as_sure_as_all(claim, SimpleNamespace(chosen=chosen), DEFAULT)  # type: ignore[arg-type]
+    assert judged.confidence == pytest.approx(confidence, abs=0.01)
+    assert [reason.rule for reason in judged.reasons] == ([] if confidence == 0.9 else ["all_presses"])
+    foretelling = replace(claim, by_place=False)
+    assert as_sure_as_all(foretelling, SimpleNamespace(chosen=chosen), DEFAULT) is foretelling  # type: ignore[arg-type]
