@@ -142,10 +142,10 @@ def _as_known(field: FieldMap, name: str, solved: Solved, extent_m: Array) -> Fi
 
 
 def where_pressed(field: FieldMap, place_m: Array) -> FieldMap:
-    """The map, determined next to places (m,2) alone."""
+    """The map, determined next to places (m,2) alone: how sure a smooth field would be elsewhere says nothing."""
     taxels = None if field.taxels is None else where_pressed(field.taxels, place_m)
     apart_m = np.linalg.norm(field.point_m[:, None] - place_m, axis=-1).min(axis=1)
-    return replace(field, determined=apart_m <= NEXT_TO_M, taxels=taxels)
+    return replace(field, error=None, determined=apart_m <= NEXT_TO_M, taxels=taxels)
 
 
 def spread_of(sample: Array) -> Estimate:
