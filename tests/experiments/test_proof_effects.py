@@ -12,6 +12,7 @@ from generator.families import FAMILIES
 from generator.forms import FORMS
 from generator.mesh import Fineness
 from generator.outline import Outline
+from generator.protocol import Plan
 from generator.recording import Clean, clean, measured
 from generator.sheet import Electrodes, Sheet
 from generator.simulate import Transfers, frames_of, moments_of
@@ -101,6 +102,32 @@ def test_contacts_that_all_change_alike_are_no_effect_to_the_ruler() -> None:
             return transfer_ohm + 30.0 * np.eye(len(transfer_ohm))
 
     assert Ruler(skin).ratio([Lead(1.0)]).own == pytest.approx(1.0, abs=1e-3)
+
+
+def test_a_ruler_knows_force_as_the_whole_plan_has_it() -> None:
+    # More presses than the ruler reads, in more levels: the stage moves on by a share of a step, not of a press.
+    skin = small_skin()
+    presses = tuple(replace(press, depth_m=3.75e-4 * np.arange(1, 9)) for press in 2 * skin.plan.presses)
+    skin = replace(skin, plan=Plan(presses))
+    effect = FORMS["scan_skew"][0](0.15)
+    effect.draw(skin, np.random.default_rng(1))
+    linear, true = (clean(skin, effects, without()[0], [0]).force_n.ravel() for effects in ([], [effect]))
+    linear, true = linear[linear > 0], true[linear > 0]
+    left = true - linear * (true @ linear) / (linear @ linear)
+    expected = np.sqrt(1.0 + np.mean(left**2) / skin.noise.force_n**2)
+    assert 1.1 < expected < 2.0
+    assert Ruler(skin).ratio([effect]).force == pytest.approx(expected, rel=0.1)
+
+
+def test_frames_that_are_chosen_are_read_as_in_the_whole_recording() -> None:
+    skin, (sheet, _) = small_skin(), without()
+    effects = [FORMS[name][0](0.3) for name in ("piezo_creep", "foam_softening", "scan_skew")]
+    for effect in effects:
+        effect.draw(skin, np.random.default_rng(3))
+    whole, chosen = clean(skin, effects, sheet), [0, 6, 11, 15]
+    some = clean(skin, effects, sheet, chosen)
+    np.testing.assert_allclose(some.voltage_v, whole.voltage_v[chosen], rtol=1e-9, atol=1e-12)
+    np.testing.assert_array_equal(some.force_n, whole.force_n)
 
 
 def test_a_recording_has_its_noise_and_only_that() -> None:

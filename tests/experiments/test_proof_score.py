@@ -27,7 +27,7 @@ score = importlib.util.module_from_spec(SPEC)
 SPEC.loader.exec_module(score)
 SECRET = bytes(range(32))
 PINNED_NULLS = "1fc18ecdd5b0252ba42bea6ba5cc6b8dd54251f7723046eb5f31675932bd4eee"
-PINNED_GAIN = "40b837dde8e406b0e858feb9e8edd63a2bb88daa888780084b4f7eea47389220"
+PINNED_GAIN = "9022c4f0bd2b74966da6fd5b5de845b8ab261aebae5341175fc28016d96e7186"
 POINTS = [[x, y] for x in (0.0, 0.5, 1.0) for y in (0.0, 0.5, 1.0)]
 
 

@@ -170,9 +170,13 @@ class ScanHeatedSheet(Effect):
 
     def start(self, points: int) -> None:
         self.dose = np.zeros(len(self.tau_s))
+        self._heated: tuple[Array, Array] | None = None
 
     def sheet(self, point_m: Array, moment: Moment) -> Array:
-        return np.asarray(self.size * self.heat(point_m) * self._stored(moment.since_s, moment.frame >= 0))
+        # The same places are asked for at every moment of a recording; their neighbours are looked up once.
+        if self._heated is None or self._heated[0] is not point_m:
+            self._heated = point_m, self.heat(point_m)
+        return np.asarray(self.size * self._heated[1] * self._stored(moment.since_s, moment.frame >= 0))
 
     def _stored(self, since_s: float, scanned: bool) -> float:
         """Scans a second, each by the share of its heat that is left, after the step to this moment."""

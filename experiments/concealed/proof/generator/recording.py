@@ -19,7 +19,10 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Clean:
-    """What would be read without noise: (T,K,M) readings, (T,P) load-cell force, the frames' columns."""
+    """What would be read without noise: (T,K,M) readings, (T,P) load-cell force, the frames' columns.
+
+    Readings of the frames solved only, where those were chosen.
+    """
 
     voltage_v: Array
     force_n: Array
@@ -38,8 +41,13 @@ class Measured:
     block: dict[str, Array]
 
 
-def clean(skin: Skin, effects: Sequence[Effect], sheet: Sheet | None = None) -> Clean:
-    """Simulate without noise; ``sheet`` saves meshing where no effect moves electrodes."""
+def clean(
+    skin: Skin, effects: Sequence[Effect], sheet: Sheet | None = None, chosen: Sequence[int] | None = None
+) -> Clean:
+    """Simulate without noise; ``sheet`` saves meshing where no effect moves electrodes.
+
+    ``chosen``: numbers of the frames whose readings are wanted, all without it.
+    """
     electrodes = skin.electrodes
     for effect in effects:
         electrodes = effect.electrodes(electrodes)
@@ -49,12 +57,12 @@ def clean(skin: Skin, effects: Sequence[Effect], sheet: Sheet | None = None) -> 
     moments = moments_of(skin, frames)
     for effect in effects:
         moments = effect.moved(moments)
-    solved, forces = Transfers(skin, effects, sheet).run(moments)
-    count = len(frames.time_s)
-    by_frame: list[list[tuple[Moment, Array]]] = [[] for _ in range(count)]
+    chosen = range(len(frames.time_s)) if chosen is None else chosen
+    solved, forces = Transfers(skin, effects, sheet).run(moments, set(chosen))
+    by_frame: dict[int, list[tuple[Moment, Array]]] = {frame: [] for frame in chosen}
     for moment, transfer in solved:
         by_frame[moment.frame].append((moment, transfer))
-    voltage = np.stack([_scan(skin, effects, i, by_frame[i]) for i in range(count)])
+    voltage = np.stack([_scan(skin, effects, frame, found) for frame, found in by_frame.items()])
     return Clean(voltage, _load_cell(effects, frames, moments, forces), frames, moments)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -212,12 +212,14 @@ Electric = tuple[Array, Array, Array]
 class Passage:
     """A rest frame and the press after it: moments, total force, which is the deepest, and electric states kept.
 
+    ``solved``: which of the moments the sheet is solved at.
     ``whole``: at every moment with a frame, where something changes outside of the region that no straight line tells.
     """
 
     moments: list[Moment]
     force_n: list[float]
     peak: int
+    solved: list[int]
     region: Region | None
     rest: Electric | None = None
     top: Electric | None = None
@@ -251,28 +253,43 @@ class Transfers:
         self._last = (electric, schur)
         return schur
 
-    def run(self, moments: Sequence[Moment]) -> tuple[list[tuple[Moment, Array]], list[Array]]:
-        """(moment, (L,L) transfer matrix) wherever a frame is taken, and the force (P,) at every moment."""
+    def run(
+        self, moments: Sequence[Moment], frames: Collection[int] | None = None
+    ) -> tuple[list[tuple[Moment, Array]], list[Array]]:
+        """(moment, (L,L) transfer matrix) wherever a frame is taken, and the force (P,) at every moment.
+
+        ``frames``: numbers of the frames whose matrices are wanted, all without it. Foam and fabric go through every
+        moment all the same.
+        """
         forces, secants = self.mechanics.forces(moments)
         self.fabric.electric(replace(moments[0], since_s=0.0), np.zeros(len(self.fabric.point_m)))
         found: list[tuple[Moment, Array]] = []
         rests = [i for i, m in enumerate(moments) if m.phase == REST]
         before: Passage | None = None
         for begin, end in zip(rests, [*rests[1:], len(moments)], strict=True):
-            passage = self._passage(moments[begin:end], forces[begin:end], secants[begin:end])
+            passage = self._passage(moments[begin:end], forces[begin:end], secants[begin:end], frames)
             if before is not None:
                 found += self._solved(before, passage)
             before = passage
         assert before is not None
         return found + self._solved(before, None), forces
 
-    def _passage(self, moments: Sequence[Moment], forces: Sequence[Array], secants: Sequence[Array]) -> Passage:
+    def _passage(
+        self,
+        moments: Sequence[Moment],
+        forces: Sequence[Array],
+        secants: Sequence[Array],
+        frames: Collection[int] | None,
+    ) -> Passage:
         """Step the fabric through a rest frame and the press after it; keep what is needed to solve the sheet."""
         places = [m.position_m for m in moments if len(m.position_m)]
-        region = self.tiles.region(self.tiles.within(np.concatenate(places), REGION_M)) if places else None
+        solved = [i for i, m in enumerate(moments) if m.frame >= 0 and (frames is None or m.frame in frames)]
+        region = None
+        if places and solved:
+            region = self.tiles.region(self.tiles.within(np.concatenate(places), REGION_M))
         total = [float(np.sum(f)) for f in forces]
         peak = int(np.argmax(total))
-        passage = Passage(list(moments), total, peak, region)
+        passage = Passage(list(moments), total, peak, solved, region)
         bends = any(effect.bends for effect in self.effects)
         for i, moment in enumerate(moments):
             electric = self._electric(moment, forces[i], secants[i])
@@ -280,7 +297,7 @@ class Transfers:
                 passage.rest = electric
             if i == peak:
                 passage.top = electric
-            if moment.frame >= 0 and region is not None:
+            if i in solved and region is not None:
                 e = region.elements
                 passage.inside[i] = (electric[0][e], electric[1][e], electric[2])
                 if bends:
@@ -298,6 +315,8 @@ class Transfers:
         it bends in between."""
         assert passage.rest is not None
         assert passage.top is not None
+        if not passage.solved:
+            return []
         if passage.region is None:
             return [(passage.moments[0], self.sheet.transfer(*passage.rest))]
         region, moments = passage.region, passage.moments

@@ -1,7 +1,8 @@
 """How large an effect is against the noise once the calibration has taken what it can, and the size for a ratio wanted.
 
-Measured on a few presses of the skin's own plan, over the whole plan's time, on a coarser mesh: the difference of two
-simulations, less what contact resistances (a diagonal added to the transfer matrix), the sheet's resistance and the
+Measured on the skin's own plan, with its steps, times and all that foam and fabric remember: the difference of two
+simulations. Force in every frame, less what one stiffness explains. Readings in a few frames of a few presses, on a
+coarser mesh, less what contact resistances (a diagonal added to the transfer matrix), the sheet's resistance and the
 law's scale at three powers of the force explain by least squares.
 """
 
@@ -12,13 +13,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import make_interp_spline
 
 from .effect import Effect
 from .mesh import Fineness
 from .protocol import Plan
 from .recording import Clean, clean
 from .sheet import Sheet
-from .simulate import HOLD, REST
+from .simulate import HOLD, LOADING, REST, UNLOADING, Frames, frames_of
 from .skin import Skin
 
 Array = NDArray[np.float64]
@@ -44,9 +46,10 @@ class Ruler:
     """Measures effects on one skin."""
 
     def __init__(self, skin: Skin) -> None:
-        self.skin = replace(skin, plan=_thinned(skin.plan), fineness=COARSE)
+        self.skin = replace(skin, fineness=COARSE)
         self.sheet = Sheet(skin.outline_m, skin.electrodes, COARSE)
-        self.without = clean(self.skin, [], self.sheet)
+        self.chosen = _chosen(skin.plan, frames_of(skin))
+        self.without = clean(self.skin, [], self.sheet, self.chosen)
         protocol = skin.protocol
         kept = np.ones(protocol.weights.shape[:2], bool) if protocol.measured is None else protocol.measured
         self.kept = kept.ravel()
@@ -57,24 +60,21 @@ class Ruler:
         self.basis = left[:, size > 1e-9 * size[0]]
 
     def _nuisance(self) -> Array:
-        """(T, readings, n) what a calibration can change."""
+        """(frames chosen, readings, n) what a calibration can change."""
         protocol, found = self.skin.protocol, self.without
         count = len(found.voltage_v)
         contact = [protocol.readings(np.diag(row)).ravel()[self.kept] for row in np.eye(protocol.electrodes)]
         fixed = np.broadcast_to(np.stack(contact, axis=1), (count, self.kept.sum(), protocol.electrodes))
         flat = found.voltage_v.reshape(count, -1)[:, self.kept]
         change = flat - flat[0]
-        load = (found.force_n.sum(axis=1) / found.force_n.sum(axis=1).max())[:, None]
+        force = found.force_n[self.chosen].sum(axis=1)
+        load = (force / force.max())[:, None]
         return np.concatenate([fixed, np.stack([flat, change, change * load, change * load**2], axis=2)], axis=2)
 
     def ratio(self, effects: Sequence[Effect]) -> Ratio:
         """What ``effects`` leave after calibration."""
-        noise, found = self.skin.noise, clean(self.skin, effects, self.sheet)
-        rng = np.random.default_rng([self.skin.seed, 11])
-        moving = ~np.isin(found.frames.phase, (REST, HOLD))
-        voltage = found.voltage_v
-        for effect in effects:
-            voltage = effect.recorded(voltage, moving, rng)
+        noise, found = self.skin.noise, clean(self.skin, effects, self.sheet, self.chosen)
+        voltage = self._recorded(effects, found)
         step = (voltage - self.without.voltage_v).reshape(len(voltage), -1)[:, self.kept]
         inside, nuisance = step @ self.basis, self._nuisance()
         taken = np.einsum("rp,trn->tpn", self.basis, nuisance, optimize=True).reshape(inside.size, -1)
@@ -89,6 +89,16 @@ class Ruler:
             _over(np.sum(outside**2) / beyond, noise.white_v),
             _over(self._force(found), noise.force_n),
         )
+
+    def _recorded(self, effects: Sequence[Effect], found: Clean) -> Array:
+        """(frames chosen, K, M) readings after what scans bear on one another."""
+        rng = np.random.default_rng([self.skin.seed, 11])
+        moving = ~np.isin(found.frames.phase, (REST, HOLD))
+        # Levels are evenly spaced, so a frame that wasn't solved lies about straight between those that were.
+        voltage = make_interp_spline(self.chosen, found.voltage_v, k=1)(np.arange(len(moving)))
+        for effect in effects:
+            voltage = effect.recorded(voltage, moving, rng)
+        return voltage[self.chosen]
 
     def _force(self, found: Clean) -> float:
         """Mean square of the force that one stiffness can't make up for."""
@@ -130,19 +140,29 @@ def _over(mean_square: float, noise: float) -> float:
     return float(np.sqrt(1.0 + mean_square / noise**2))
 
 
-def _thinned(plan: Plan) -> Plan:
-    """A few presses, as long apart as to take the whole plan's time; places pressed twice first."""
-    presses = plan.presses
-    if len(presses) <= PRESSES:
-        return plan
-    place = [tuple(p.position_m[0]) for p in presses]
-    again = next((i for i in range(len(place)) if place[i] in place[:i]), None)
-    chosen = set(np.linspace(0, len(presses) - 1, PRESSES - (2 if again else 0)).astype(int).tolist())
+def _chosen(plan: Plan, frames: Frames) -> list[int]:
+    """Numbers of the frames to solve: of each press chosen the rest before it, half in, deepest, last hold, half out.
+
+    And the rest at the end.
+    """
+    found = {0, len(frames.time_s) - 1}
+    for number in _presses(plan):
+        at = np.flatnonzero(frames.press == number)
+        way_in, held, way_out = (at[frames.phase[at] == phase] for phase in (LOADING, HOLD, UNLOADING))
+        # A press of one level has no way out, one that isn't held no hold.
+        half_out = way_out[len(way_out) // 2 :][:1]
+        found |= {int(i) for i in (at[0], way_in[(len(way_in) - 1) // 2], way_in[-1], *held[-1:], *half_out)}
+    return sorted(found)
+
+
+def _presses(plan: Plan) -> list[int]:
+    """Numbers of a few presses all through the plan; places pressed twice first."""
+    count = len(plan.presses)
+    if count <= PRESSES:
+        return list(range(count))
+    place = [tuple(p.position_m[0]) for p in plan.presses]
+    again = next((i for i in range(count) if place[i] in place[:i]), None)
+    chosen = set(np.linspace(0, count - 1, PRESSES - (2 if again else 0)).astype(int).tolist())
     if again is not None:
         chosen |= {again, place.index(place[again])}
-    few = [
-        replace(presses[i], depth_m=presses[i].depth_m[[len(presses[i].depth_m) // 2, -1]], gap_s=0.0)
-        for i in sorted(chosen)
-    ]
-    gap = (plan.duration_s - Plan(tuple(few)).duration_s) / len(few)
-    return Plan(tuple(replace(press, gap_s=gap) for press in few))
+    return sorted(chosen)
