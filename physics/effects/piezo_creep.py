@@ -8,6 +8,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from ertskin.physics.effects.contact_age import contact_age_s
 from ertskin.physics.effects.effect import Array, PiezoEffect, Start, parameter
 from ertskin.physics.effects.exponential_memory import lagging, moves_within_s
 from ertskin.physics.effects.hypothesis import Axis, Hypothesis, Need, Signal
@@ -38,13 +39,14 @@ class PiezoCreep(PiezoEffect):
     these widths may differ over the fabric: with ``unevenness`` u > 0, its variance over its mean square in a gamma
     distribution, m follows 1 - (1 + (2^u - 1) p/half_pa)^(-1/u), at u = 1 p/(p + half_pa). With ``power`` a the a-th
     power of the resistance falls in proportion to m instead of its logarithm: at 1 the resistance, at -1 the
-    conductance grows.
+    conductance grows. Where it ``ages`` too, m doesn't follow but is that share of the gaps times ln(1 + age/tau): the
+    longer contacts have stayed the better they conduct, and a relative change of the pressure by ``slip`` renews most.
     """
 
     name: ClassVar[str] = "piezo_creep"
     source: ClassVar[str] = (
         "Standard linear solid in compliance; FSR drift, Hollinger & Wanderley (NIME 2006); Nutting (1921); "
-        "gaps as in Greenwood & Williamson, Proc. R. Soc. A 295 (1966) 300"
+        "gaps as in Greenwood & Williamson, Proc. R. Soc. A 295 (1966) 300; ageing as in Dieterich (1972), Ruina (1983)"
     )
     order: ClassVar[int] = 3
     form_error: ClassVar[float] = 0.2
@@ -68,10 +70,19 @@ class PiezoCreep(PiezoEffect):
         "1", -2.0, 2.0, 0.0, 0.2, "power of the resistance that falls in proportion, if multiplied", defining=False
     )
 
+    slip: float = parameter("1", 0.02, 50.0, 1.0, 0.1, "change of log pressure that renews, if aged", defining=False)
+
     remembers_air: bool = False
     """Whether what a press left behind goes on into the next; otherwise an unloaded spot has recovered."""
     multiplies: bool = False
     """Whether what creeps multiplies the resistance instead of adding to the pressure."""
+    ages: bool = False
+    """Whether that is the age of the contacts, in a form that ``multiplies``."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.ages and not self.multiplies:
+            raise ValueError(f"{self.name}.ages: contacts that age multiply the resistance, so set multiplies too")
 
     def effective_pressure_pa(self, pressure_pa: Array, position_m: Array, time_s: Array, extent_m: Array) -> Array:
         if self.multiplies:
@@ -91,7 +102,11 @@ class PiezoCreep(PiezoEffect):
     ) -> Array | float:
         if not self.multiplies:
             return 1.0
-        taken_in = self._taken_in(self._closed(pressure_pa), pressure_pa, time_s)
+        closed = self._closed(pressure_pa)
+        if self.ages:
+            taken_in = closed * np.log1p(contact_age_s(pressure_pa, time_s, self.slip) / self.time_s)
+        else:
+            taken_in = self._taken_in(closed, pressure_pa, time_s)
         crept = self.fraction * (taken_in if wanted is None else taken_in[wanted])
         if abs(self.power) < SAME:
             return np.exp(-crept)
@@ -139,6 +154,7 @@ class PiezoCreep(PiezoEffect):
             Start(
                 cls(fraction=0.1, time_s=0.3, decades=3.0, remembers_air=True, multiplies=True), (*ladder, "half_pa")
             ),
+            Start(cls(fraction=0.1, time_s=1.0, multiplies=True, ages=True), ("fraction", "time_s", "half_pa", "slip")),
         )
 
     @classmethod
@@ -150,10 +166,14 @@ class PiezoCreep(PiezoEffect):
             *(Start(cls(time_s=time_s, remembers_air=True), single, ("fraction",)) for time_s in (30.0, 300.0)),
             Start(spread, ladder, ("fraction",)),
             Start(replace(spread, multiplies=True), ladder, ("fraction",)),
+            Start(cls(time_s=1.0, multiplies=True, ages=True), single, ("fraction",)),
         )
 
     def freer(self, free: tuple[str, ...]) -> tuple[Start, ...]:
-        """How it depends on pressure, in either form; then, where it multiplies, how uneven the gaps are."""
+        """How it depends on pressure, in either form; then, where it multiplies, how uneven the gaps are. Contacts that
+        age are a form of their own."""
+        if self.ages:
+            return () if "slip" in free else (Start(self, (*free, "half_pa", "slip")),)
         if not {"exponent", "half_pa"} & set(free):
             spread = self
             if self.decades == 0:

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
+from ertskin.physics.effects.contact_age import contact_age_s
 from ertskin.physics.effects.piezo_chain import fabric_ohm_sq
 from ertskin.physics.effects.piezo_creep import PiezoCreep
 from ertskin.physics.effects.piezo_hysteresis import PiezoHysteresis
@@ -166,3 +168,40 @@ def test_a_lag_is_felt_along_the_way_and_some_of_it_stays() -> None:
 def test_what_lags_remembers_the_air() -> None:
     assert PiezoHysteresis(lag=0.1).remembers_air
     assert not PiezoHysteresis(width=0.1).remembers_air
+
+
+def test_contacts_age_while_nothing_changes_and_are_renewed_by_a_relative_change() -> None:
+    time_s = np.array([0.0, 1.0, 11.0, 12.0, 13.0, 14.0])
+    pressure = np.array([0.0, 1e4, 1e4, 1e4 * np.e**2, 0.0, 1e4])[:, None]
+    age_s = contact_age_s(pressure, time_s, slip=1.0)[:, 0]
+    renewed = np.exp(-2.0) * 10.0 + (1 - np.exp(-2.0)) / 2.0
+    np.testing.assert_allclose(age_s, [0.0, 0.0, 10.0, renewed, 0.0, 0.0])
+
+
+def test_contact_age_is_that_of_the_equation() -> None:
+    time_s = np.linspace(0.0, 20.0, 9)
+    log_pressure = np.array([0.0, 1.0, 1.5, 1.5, 1.2, 2.0, 2.0, 0.5, 0.0])
+
+    def aged(time: float, age: np.ndarray) -> np.ndarray:
+        step = min(int(np.searchsorted(time_s, time, side="right")), len(time_s) - 1)
+        rate = (log_pressure[step] - log_pressure[step - 1]) / (time_s[step] - time_s[step - 1])
+        return 1.0 - age * abs(rate) / 0.7
+
+    expected = solve_ivp(aged, (0.0, 20.0), [0.0], t_eval=time_s, max_step=0.02, rtol=1e-8).y[0]
+    np.testing.assert_allclose(
+        contact_age_s(np.exp(log_pressure)[:, None], time_s, slip=0.7)[:, 0], expected, rtol=1e-4
+    )
+
+
+def test_contacts_that_age_conduct_better_with_the_logarithm_of_time() -> None:
+    law = PiezoPolynomial(np.array([0.6, -0.4]), 6e4, 2e4)
+    creep = PiezoCreep(fraction=0.3, time_s=2.0, half_pa=5e3, multiplies=True, ages=True)
+    pressure, time_s = np.array([[0.0], [1e4], [1e4], [1e4]]), np.array([0.0, 1.0, 11.0, 101.0])
+    uncrept = fabric_ohm_sq(law, (), pressure, NOWHERE, time_s, EXTENT)
+    crept = fabric_ohm_sq(law, (creep,), pressure, NOWHERE, time_s, EXTENT)
+    np.testing.assert_allclose(np.log(uncrept / crept)[:, 0], 0.3 * 0.75 * np.log1p(np.array([0, 0, 10, 100]) / 2.0))
+
+
+def test_contacts_that_age_must_multiply() -> None:
+    with pytest.raises(ValueError, match="multiplies"):
+        PiezoCreep(ages=True)
