@@ -14,6 +14,9 @@ from ertskin.physics.history import History, Phase
 from ertskin.physics.protocol import Protocol
 from ertskin.physics.sensor import Sensor
 
+UNEVEN = "ease", "bend"
+"""Parameters of a speed that changes during the scan."""
+
 
 @dataclass(frozen=True)
 class ScanSkew(MotionEffect):
@@ -21,7 +24,8 @@ class ScanSkew(MotionEffect):
 
     At 0 it goes on from the command, at the scan's end it arrives there, between the scan sees it come and go. It never
     goes above the surface, nor beyond the press's deepest command unless it ``overshoots``. With ``ease`` it sets out
-    and arrives more gently, within the scan, than at constant speed. Where a recorder interpolates between two scans
+    and arrives more gently, within the scan, than at constant speed; with ``bend`` it gathers speed during the scan, or
+    loses it. Where a recorder interpolates between two scans
     readings run ``straight`` from one to the other.
     """
 
@@ -31,25 +35,30 @@ class ScanSkew(MotionEffect):
         (Axis.SCAN_ORDER, Axis.HISTORY),
         (Signal.NONRECIPROCAL, Signal.READINGS, Signal.FORCE),
         (Need.PRESSES, Need.MORE_READINGS, Need.TIMED_INJECTIONS),
-        held=frozenset({"at_s", "ease"}),
+        held=frozenset({"at_s", "ease", "bend"}),
     )
 
     speed_m_per_s: float = parameter("m/s", 0.0, 0.02, 0.0, 1e-4, "how fast the stage moves during the scan")
     at_s: float = parameter("s", -5.0, 5.0, 0.0, 0.05, "moment of the scan at the commanded depth", defining=False)
     ease: float = parameter("1", 0.0, 1.0, 0.0, 0.1, "part of the way on an S, the rest at one speed", defining=False)
+    bend: float = parameter(
+        "1", -1.0, 1.0, 0.0, 0.1, "gain in speed from the middle of a scan to its end, over the mean", defining=False
+    )
 
     overshoots: bool = False
     """Whether the stage passes the deepest command too, and comes back."""
+    by_steps: bool = False
+    """Whether the stage makes a part of every step, as a servo does, instead of going at one speed."""
 
     def depth_m(self, history: History, after_s: Array) -> Array:
         """(T,S,P) depth in metre at ``after_s`` (S,) into every scan, the first and the last of them its ends."""
-        direction = np.where(history.phase == Phase.LOADING, 1.0, 0.0)
-        direction = np.where(history.phase == Phase.UNLOADING, -1.0, direction)
+        coming, going = _steps(history) if self.by_steps else (_direction(history)[:, None],) * 2
         scan_s = float(np.ptp(after_s))
         share = (after_s - after_s.min()) / scan_s if scan_s > 0 else np.zeros(len(after_s))
-        eased_s = after_s + self.ease * scan_s * (share**2 * (3 - 2 * share) - share)
-        way_m = direction[:, None, None] * self.speed_m_per_s * (eased_s - self.at_s)[:, None]
-        moved = np.maximum(history.depth_m[:, None, :] + way_m, 0.0)
+        uneven = self.ease * (share**2 * (3 - 2 * share) - share) + self.bend * (share**2 - share)
+        late_s = (after_s + scan_s * uneven - self.at_s)[:, None]
+        way_s = coming[:, None] * np.minimum(late_s, 0.0) + going[:, None] * np.maximum(late_s, 0.0)
+        moved = np.maximum(history.depth_m[:, None, :] + self.speed_m_per_s * way_s, 0.0)
         return moved if self.overshoots else np.minimum(moved, deepest_m(history)[:, None, :])
 
     @classmethod
@@ -66,23 +75,24 @@ class ScanSkew(MotionEffect):
     def force_starts(cls) -> tuple[Start, ...]:
         """On its way to the next depth from the scan's beginning on: a mean force tells no more than how far ahead the
         stage is on average. Behind it may be for play alone, which is no motion."""
-        return (Start(cls(cls.parameters()["speed_m_per_s"].typical), ("speed_m_per_s",)),)
+        speed = cls.parameters()["speed_m_per_s"].typical
+        return tuple(Start(cls(speed, by_steps=by_steps), ("speed_m_per_s",)) for by_steps in (False, True))
 
     def quantities(self, standard: Standard) -> dict[str, float]:
         """Part of the way to the next depth that is made while a scan is taken."""
         return {"share_of_step_in_scan": min(self.speed_m_per_s * standard.scan_s / standard.step_m, 1.0)}
 
     def freer(self, free: tuple[str, ...]) -> tuple[Start, ...]:
-        # Easing comes to the same ends, which are all that straight readings hang on.
-        ends = tuple(key for key in free if key != "ease")
-        straight = replace(self, straight=True, ease=0.0)
+        # Uneven speeds come to the same ends, which are all that straight readings hang on.
+        ends = tuple(key for key in free if key not in UNEVEN)
+        straight = replace(self, straight=True, ease=0.0, bend=0.0)
         if self.straight:
             return () if self.overshoots else (Start(replace(straight, overshoots=True), ends),)
-        if "ease" in free:
+        if set(UNEVEN) & set(free):
             return (Start(straight, ends),)
-        eased = replace(self, ease=0.5)
-        forms = eased, replace(eased, overshoots=True)
-        return Start(straight, ends), *(Start(form, (*free, "ease")) for form in forms)
+        eased, bent = replace(self, ease=0.5), replace(self, bend=0.3, by_steps=True)
+        forms = (eased, "ease"), (replace(eased, overshoots=True), "ease"), (bent, "bend")
+        return Start(straight, ends), *(Start(form, (*free, key)) for form, key in forms)
 
     @property
     def moves(self) -> bool:
@@ -90,6 +100,22 @@ class ScanSkew(MotionEffect):
 
     def at_speed(self, speed_m_per_s: float) -> ScanSkew:
         return replace(self, speed_m_per_s=min(speed_m_per_s, self.parameters()["speed_m_per_s"].high))
+
+
+def _direction(history: History) -> Array:
+    """(T,) 1 while loading, -1 while unloading, else 0."""
+    return np.select([history.phase == Phase.LOADING, history.phase == Phase.UNLOADING], [1.0, -1.0])
+
+
+def _steps(history: History) -> tuple[Array, Array]:
+    """(T,P) steps to the depth of every frame, and from there to the next, over the mean step; air is no depth."""
+    depth_m = np.nan_to_num(history.depth_m)
+    ended = np.diff(history.press) != 0
+    before, after = (np.zeros_like(depth_m) for _ in range(2))
+    before[1:], after[:-1] = np.where(ended[:, None], 0.0, depth_m[:-1]), np.where(ended[:, None], 0.0, depth_m[1:])
+    coming, going = depth_m - before, after - depth_m
+    mean_m = np.abs(coming[coming != 0]).mean() if coming.any() else 1.0
+    return coming / mean_m, going / mean_m
 
 
 def deepest_m(history: History) -> Array:

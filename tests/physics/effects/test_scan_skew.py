@@ -80,3 +80,27 @@ def test_it_is_looked_for_only_where_injections_are_known_to_follow_one_another(
     protocol = Protocol.against_sink(electrode_pairs(8), 8, 1e-4, injection_offset_s=offset_s)
     assert len(ScanSkew.reading_starts(Sensor(rectangle_m((0.1, 0.1))), protocol)) == starts
     assert protocol.timed == (starts > 0)
+
+
+def test_by_steps_it_makes_a_part_of_every_step_and_sets_out_from_where_it_turns() -> None:
+    depth_m = np.array([np.nan, 2e-4, 8e-4, 8e-4, 8e-4, 2e-4, np.nan])[:, None]
+    phase = np.array([0, 1, 1, 2, 2, 3, 0], dtype=np.uint8)
+    place = np.where(np.isfinite(depth_m)[..., None], 0.01, np.nan) * np.ones(2)
+    history = History(np.arange(7.0), np.zeros(7, dtype=np.int64), phase, place, depth_m, np.full((7, 1), np.nan))
+    # Steps of 0.2, 0.6, 0.6 and 0.2 mm: the mean step is 0.4 mm, of which it makes a quarter in the scan.
+    skew = ScanSkew(speed_m_per_s=1e-4 / SCAN_S, by_steps=True)
+    way_m = (skew.depth_m(history, MOMENTS_S) - depth_m[:, None, :])[1:6, -1, 0]
+    np.testing.assert_allclose(way_m, [0.25 * 6e-4, 0.0, 0.0, -0.25 * 6e-4, -0.25 * 2e-4], atol=1e-12)
+    arriving = replace(skew, at_s=SCAN_S)
+    way_m = (arriving.depth_m(history, MOMENTS_S) - depth_m[:, None, :])[1:6, 0, 0]
+    np.testing.assert_allclose(way_m, [-0.25 * 2e-4, -0.25 * 6e-4, 0.0, 0.0, 0.25 * 6e-4], atol=1e-12)
+
+
+@pytest.mark.parametrize("bend", [-0.8, 0.5])
+def test_a_bent_course_comes_to_the_same_ends_at_another_speed(bend: float, history: History) -> None:
+    moments_s = np.linspace(0.0, SCAN_S, 401)
+    even, bent = (ScanSkew(1e-3, bend=b).depth_m(history, moments_s)[1, :, 0] for b in (0.0, bend))
+    np.testing.assert_allclose(bent[[0, -1]], even[[0, -1]])
+    speed = np.diff(bent) / np.diff(moments_s)
+    assert speed[0] == pytest.approx((1 - bend) * 1e-3, rel=0.02, abs=1e-5)
+    assert speed[-1] == pytest.approx((1 + bend) * 1e-3, rel=0.02, abs=1e-5)
