@@ -76,6 +76,40 @@ def test_hysteresis_unloads_below_loading_and_closes() -> None:
     np.testing.assert_allclose(force[11:], 0.9 * elastic[11:], rtol=1e-5)
 
 
+def there_and_back() -> Strokes:
+    """A touch that comes in to 3 mm, goes back to 1 mm, comes in to 4 mm and leaves; then another to 1 mm."""
+    sink_m = 1e-3 * np.array([0, 1, 2, 3, 2, 1, 2, 3, 4, 0, 1.0])
+    still = np.zeros(len(sink_m), dtype=np.intp)
+    return Strokes(sink_m, PAD * sink_m, np.arange(11.0), sink_m > 0, still, still.astype(np.int64), FOAM_M)
+
+
+def test_hysteresis_by_strain_is_solid_friction() -> None:
+    """Dahl: a way x into one direction leaves exp(-x/reversal) of what lacks to that side."""
+    strokes = there_and_back()
+    effect = FoamHysteresis(loss=0.1, reversal=0.4, driven_by="strain")
+    side = (effect.reaction_n(strokes.elastic_n, strokes)[1:9] / strokes.elastic_n[1:9] - 1) / 0.1
+    way = np.exp(-0.25 / 0.4)
+    first = 1 - way ** np.arange(1, 4)
+    back = -1 + (first[2] + 1) * way ** np.arange(1, 3)
+    np.testing.assert_allclose(side, [*first, *back, *(1 + (back[1] - 1) * way ** np.arange(1, 4))])
+    assert effect.reaction_n(strokes.elastic_n, strokes)[10] == pytest.approx(PAD * 1e-3 * (1 + 0.1 * first[0]))
+
+
+@pytest.mark.parametrize("shape", [0.5, 2.0])
+def test_hysteresis_by_energy_follows_one_curve_below_the_deepest_of_a_touch(shape: float) -> None:
+    strokes = there_and_back()
+    effect = FoamHysteresis(loss=0.1, shape=shape, driven_by="energy")
+    factor = effect.reaction_n(strokes.elastic_n, strokes)[[1, 2, 3, 4, 5, 6, 7, 8, 10]] / (PAD * 1e-3)
+    factor /= np.array([1, 2, 3, 2, 1, 2, 3, 4, 1])
+    less = [0.9 + 0.2 * (part / 3) ** (2 * shape) for part in (2, 1, 2)]
+    np.testing.assert_allclose(factor, [1.1, 1.1, 1.1, *less, 1.1, 1.1, 1.1])
+
+
+def test_hysteresis_says_by_what_it_may_be_driven() -> None:
+    with pytest.raises(ValueError, match="one of force, sinking, strain, energy, not 'heat'"):
+        FoamHysteresis(driven_by="heat")
+
+
 def test_first_press_of_a_place_is_stiffer() -> None:
     effect = FoamSoftening(excess=0.2, kept=1.0, presses=0.2)
     again = foam_force_n(presses(2), PAD, np.inf, FOAM_M, [effect])[:, 0].reshape(2, -1)
