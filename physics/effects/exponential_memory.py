@@ -12,14 +12,15 @@ AIR = 0.01
 """Part of the drive before or after a step that is as good as none."""
 
 
-def _decay_and_gains(time_s: Array, constant_s: float, moves_s: float) -> tuple[Array, Array]:
-    """What a step leaves of the memory (T,), and what it takes in (3,T) of a drive that changes over all of the step,
-    at its beginning or at its end."""
+def _decay_and_gains(time_s: Array, constants_s: Array, moves_s: float) -> tuple[Array, Array]:
+    """What a step leaves of each memory (K,T), and what it takes in (K,3,T) of a drive that changes over all of the
+    step, at its beginning or at its end."""
     step = np.diff(time_s, prepend=time_s[0])
     moving = np.minimum(step, moves_s)
-    holding = np.exp(-(step - moving) / constant_s)
+    constant_s = constants_s[:, None]
     coming = _ramped(moving / constant_s)
-    return np.exp(-step / constant_s), np.stack([_ramped(step / constant_s), coming * holding, coming])
+    leaving = coming * np.exp(-(step - moving) / constant_s)
+    return np.exp(-step / constant_s), np.stack([_ramped(step / constant_s), leaving, coming], axis=1)
 
 
 def _forgets(drive: Array, cleared: NDArray[np.bool_] | None) -> NDArray[np.bool_]:
@@ -27,7 +28,7 @@ def _forgets(drive: Array, cleared: NDArray[np.bool_] | None) -> NDArray[np.bool
 
 
 def _ramped(share: Array) -> Array:
-    """What is left at the end of a rise by one that takes this share (T,) of the time constant."""
+    """What is left at the end of a rise by one that takes this share (K,T) of the time constants."""
     return np.where(share > 0, -np.expm1(-share) / np.where(share > 0, share, 1.0), 1.0)
 
 
@@ -75,8 +76,7 @@ def lagging(
     (T,); where ``cleared`` (T,) nothing has. A drive that leaves for nothing does so within the first ``moves_s`` of a
     step, one that comes from nothing within the last.
     """
-    steps = [_decay_and_gains(time_s, constant_s, moves_s) for constant_s in constants_s]
-    decay, gains = (np.stack(one) for one in zip(*steps, strict=True))
+    decay, gains = _decay_and_gains(time_s, np.asarray(constants_s, dtype=float), moves_s)
     taken = np.empty(drive.shape)
     flat = np.ascontiguousarray(drive).reshape(len(drive), -1)
     _lag(taken.reshape(len(drive), -1), flat, decay, gains, _forgets(drive, cleared))

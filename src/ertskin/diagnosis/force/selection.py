@@ -43,18 +43,19 @@ class ForceSearch:
 
 
 def select_force_effects(
-    data: ForceData, folds: NDArray[np.intp], threshold: float, second_share: float
+    data: ForceData, folds: NDArray[np.intp], threshold: float, second_share: float, begun: Sequence[Start] = ()
 ) -> tuple[ForceFit, ForceFit]:
     """The fits without and with the effects chosen, by held-out likelihood over the folds (T,) of frames.
 
     An effect enters, takes another's place and stays while that gains ``threshold`` in half chi-square held out; what
     is lost without it must also exceed ``second_share`` of what the most important one is worth: less may be owed to
     that one's form. What no effect explains competes with every effect and, once it explains more, is part of the
-    noise.
+    noise. The search begins with the effects ``begun``.
     """
     search = ForceSearch(data, folds, threshold, second_share)
     base = fit_force(data, ())
-    best, score = base, search.foretold(base)
+    best = fit_force(data, begun) if begun else base
+    score = search.foretold(best)
     for _ in range(ROUNDS):
         changed, gain = _most(search, best, score)
         remainder, evidence = _nameless(search, best)

@@ -141,7 +141,7 @@ def _force_stage(evidence: Evidence, support: IndenterSupport) -> tuple[ForceFit
     least = criteria.significant_force_gain, criteria.second_share
     linear, best = select_force_effects(data, folds, *least)
     noise = pressed_noise(evidence.history, best.residual * quiet.rms_n, quiet)
-    linear, best = select_force_effects(replace(data, noise_n=noise.rms_n), folds, *least)
+    linear, best = select_force_effects(replace(data, noise_n=noise.rms_n), folds, *least, begun=best.terms)
     return linear, best, noise
 
 
