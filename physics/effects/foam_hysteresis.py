@@ -25,7 +25,7 @@ class FoamHysteresis(FoamEffect):
     z changes by 2/``reversal`` per unit of the logarithm of the elastic force and starts at +1 with every touch.
     ``driven_by`` "sinking" puts the sinking in the force's place: walls that buckle and snap follow the strain. By
     "strain" z begins at nought and nears the side it moves to, by a factor e for every change of the strain by
-    ``reversal``: solid friction. By "energy" z = 2 w^``shape`` - 1, w the elastic energy over the most since the touch.
+    ``slide``: solid friction. By "energy" z = 2 w^``shape`` - 1, w the elastic energy over the most since the touch.
     """
 
     name: ClassVar[str] = "foam_hysteresis"
@@ -42,6 +42,7 @@ class FoamHysteresis(FoamEffect):
     loss: float = parameter("1", 0.0, 0.8, 0.0, 0.03, "half the loop's height over the mean force")
     reversal: float = parameter("1", 0.005, 5.0, 0.1, 0.05, "relative force over which it turns round", defining=False)
 
+    slide: float = parameter("1", 0.005, 0.3, 0.1, 0.02, "strain over which it turns round, by strain", defining=False)
     shape: float = parameter("1", 0.1, 10.0, 1.0, 0.1, "power of the energy, by which it is driven", defining=False)
 
     driven_by: str = "force"
@@ -61,7 +62,7 @@ class FoamHysteresis(FoamEffect):
         """(T,) z, from -1 to 1; ``goes_on`` (T,) where a frame's touch is that of the frame before."""
         strain = strokes.sink_m / strokes.foam_m
         if self.driven_by == "strain":
-            return np.asarray(_friction(strain, goes_on, self.reversal))
+            return np.asarray(_friction(strain, goes_on, self.slide))
         if self.driven_by == "energy":
             share = strain / np.maximum(_deepest(strain, goes_on), _CONTACT)
             return np.asarray(2 * share ** (2 * self.shape) - 1)
@@ -83,7 +84,7 @@ class FoamHysteresis(FoamEffect):
         return (
             Start(cls(loss=0.05, reversal=0.1), free),
             Start(cls(loss=0.01, reversal=0.4), free),
-            Start(cls(loss=0.03, reversal=0.1, driven_by="strain"), free),
+            Start(cls(loss=0.03, driven_by="strain"), ("loss", "slide")),
             Start(cls(loss=0.03, driven_by="energy"), ("loss", "shape")),
         )
 
@@ -103,14 +104,14 @@ def _stop(log_drive, goes_on, rate):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _friction(strain, goes_on, reversal):  # type: ignore[no-untyped-def]
+def _friction(strain, goes_on, slide):  # type: ignore[no-untyped-def]
     side, before, at = np.zeros(len(strain)), 0.0, 0.0
     for t in range(len(strain)):
         if not goes_on[t]:
             before, at = 0.0, 0.0
         way = strain[t] - at
         towards = 1.0 if way > 0 else -1.0
-        before = towards + (before - towards) * np.exp(-abs(way) / reversal)
+        before = towards + (before - towards) * np.exp(-abs(way) / slide)
         side[t], at = before, strain[t]
     return side
 

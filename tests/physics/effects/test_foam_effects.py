@@ -84,11 +84,11 @@ def there_and_back() -> Strokes:
 
 
 def test_hysteresis_by_strain_is_solid_friction() -> None:
-    """Dahl: a way x into one direction leaves exp(-x/reversal) of what lacks to that side."""
+    """Dahl: a way x into one direction leaves exp(-x/slide) of what lacks to that side."""
     strokes = there_and_back()
-    effect = FoamHysteresis(loss=0.1, reversal=0.4, driven_by="strain")
+    effect = FoamHysteresis(loss=0.1, slide=0.2, driven_by="strain")
     side = (effect.reaction_n(strokes.elastic_n, strokes)[1:9] / strokes.elastic_n[1:9] - 1) / 0.1
-    way = np.exp(-0.25 / 0.4)
+    way = np.exp(-0.25 / 0.2)
     first = 1 - way ** np.arange(1, 4)
     back = -1 + (first[2] + 1) * way ** np.arange(1, 3)
     np.testing.assert_allclose(side, [*first, *back, *(1 + (back[1] - 1) * way ** np.arange(1, 4))])
