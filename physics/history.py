@@ -76,6 +76,14 @@ class History:
         )
 
     @property
+    def step_m(self) -> float:
+        """Metre by which the stage usually goes deeper from one frame of a press to the next, NaN where it never
+        does."""
+        deeper = np.diff(self.depth_m, axis=0)[(self.phase[1:] == Phase.LOADING) & (np.diff(self.press) == 0)]
+        deeper = deeper[np.isfinite(deeper) & (deeper > 0)]
+        return float(np.median(deeper)) if deeper.size else float("nan")
+
+    @property
     def touched(self) -> NDArray[np.bool_]:
         """(T,P) where a contact presses: neither a rest frame nor an absent contact."""
         return np.isfinite(self.contact_m).all(axis=-1) & (self.phase != Phase.REST)[:, None]

@@ -13,7 +13,8 @@ def contact_age_s(pressure_pa: Array, time_s: Array, slip: float) -> Array:
 
     Contacts slip as the pressure on them changes, and a relative change by ``slip`` renews most of them: the ageing law
     of rate- and state-dependent friction (Ruina, J. Geophys. Res. 88 (1983) 10359) under changing normal stress
-    (Linker & Dieterich, J. Geophys. Res. 97 (1992) 4923). What is not pressed has no contact, and so no age.
+    (Linker & Dieterich, J. Geophys. Res. 97 (1992) 4923). What is not pressed has no contact, and so no age. Noise in
+    the pressure renews contacts too: give it what a fit makes of the force, not the load cell's readings.
     """
     age_s = np.zeros(pressure_pa.shape)
     _grow(age_s, np.ascontiguousarray(pressure_pa), np.diff(time_s, prepend=time_s[0]), slip)
@@ -31,5 +32,4 @@ def _grow(age_s, pressure, step_s, slip):  # type: ignore[no-untyped-def]
             if slipped == 0:
                 age_s[t, n] = age_s[t - 1, n] + step_s[t]
             else:
-                kept = np.exp(-slipped)
-                age_s[t, n] = kept * age_s[t - 1, n] + (1 - kept) / slipped * step_s[t]
+                age_s[t, n] = np.exp(-slipped) * age_s[t - 1, n] - np.expm1(-slipped) / slipped * step_s[t]

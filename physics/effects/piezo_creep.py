@@ -83,6 +83,8 @@ class PiezoCreep(PiezoEffect):
         super().__post_init__()
         if self.ages and not self.multiplies:
             raise ValueError(f"{self.name}.ages: contacts that age multiply the resistance, so set multiplies too")
+        if self.ages and (self.remembers_air or self.decades > 0):
+            raise ValueError(f"{self.name}.ages: contacts lose their age in air, without remembers_air and decades")
 
     def effective_pressure_pa(self, pressure_pa: Array, position_m: Array, time_s: Array, extent_m: Array) -> Array:
         if self.multiplies:

@@ -23,10 +23,11 @@ class ScanSkew(MotionEffect):
     """While loading or unloading the stage moves at ``speed_m_per_s``, at the commanded depth ``at_s`` into the scan.
 
     At 0 it goes on from the command, at the scan's end it arrives there, between the scan sees it come and go. It never
-    goes above the surface, nor beyond the press's deepest command unless it ``overshoots``. With ``ease`` it sets out
-    and arrives more gently, within the scan, than at constant speed; with ``bend`` it gathers speed during the scan, or
-    loses it. Where a recorder interpolates between two scans
-    readings run ``straight`` from one to the other.
+    goes above the surface, nor beyond the press's deepest command unless it ``overshoots``. Where it goes ``by_steps``
+    it makes the same part of every step from one depth to the next, long or short: the speed is that of the usual step,
+    and in the last frame held it sets out already. With ``ease`` it sets out and arrives more gently, within the scan,
+    than at constant speed; with ``bend`` it gathers speed during the scan, or loses it: ``at_s`` counts as at constant
+    speed. Where a recorder interpolates between two scans readings run ``straight`` from one to the other.
     """
 
     name: ClassVar[str] = "scan_skew"
@@ -91,7 +92,8 @@ class ScanSkew(MotionEffect):
         if set(UNEVEN) & set(free):
             return (Start(straight, ends),)
         eased, bent = replace(self, ease=0.5), replace(self, bend=0.3, by_steps=True)
-        forms = (eased, "ease"), (replace(eased, overshoots=True), "ease"), (bent, "bend")
+        easing = eased, replace(eased, overshoots=True), replace(eased, by_steps=True)
+        forms = *((form, "ease") for form in easing), (bent, "bend")
         return Start(straight, ends), *(Start(form, (*free, key)) for form, key in forms)
 
     @property
@@ -108,14 +110,19 @@ def _direction(history: History) -> Array:
 
 
 def _steps(history: History) -> tuple[Array, Array]:
-    """(T,P) steps to the depth of every frame, and from there to the next, over the mean step; air is no depth."""
-    depth_m = np.nan_to_num(history.depth_m)
-    ended = np.diff(history.press) != 0
-    before, after = (np.zeros_like(depth_m) for _ in range(2))
-    before[1:], after[:-1] = np.where(ended[:, None], 0.0, depth_m[:-1]), np.where(ended[:, None], 0.0, depth_m[1:])
-    coming, going = depth_m - before, after - depth_m
-    mean_m = np.abs(coming[coming != 0]).mean() if coming.any() else 1.0
-    return coming / mean_m, going / mean_m
+    """(T,P) steps to the depth of every frame, and from there to the next, over the usual step; air is no depth, but
+    where the stage is held it neither comes from there nor goes."""
+    depth_m, within = np.nan_to_num(history.depth_m), history.press[1:] == history.press[:-1]
+    air = ~history.touched.any(axis=1)
+    before, after = depth_m.copy(), depth_m.copy()
+    before[1:] = np.where(within[:, None], depth_m[:-1], 0.0)
+    after[:-1] = np.where(within[:, None], depth_m[1:], 0.0)
+    held = (history.phase == Phase.HOLD)[:, None]
+    from_air, to_air = np.roll(air, 1)[:, None], np.roll(air, -1)[:, None]
+    coming = np.where(held & from_air, 0.0, depth_m - before)
+    going = np.where(held & to_air, 0.0, after - depth_m)
+    usual_m = history.step_m if history.step_m > 0 else np.inf
+    return coming / usual_m, going / usual_m
 
 
 def deepest_m(history: History) -> Array:

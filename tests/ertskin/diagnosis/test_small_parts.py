@@ -220,6 +220,9 @@ def test_force_stage_names_no_foam_where_the_load_cell_drifts() -> None:
     assert best.remainder is not None
     assert "zero" in best.remainder.name
     assert best.chi_square > 1.5 * np.isfinite(best.residual).sum()
+    # Nor where the search begins with one.
+    foam = ViscoelasticFoam.force_starts()[:1]
+    assert select_force_effects(data, history.press % 3, 10.0, 0.1, begun=foam)[1].effects == ()
 
 
 @pytest.mark.parametrize(

@@ -7,6 +7,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from ertskin.physics.effects.contact_age import contact_age_s
+from ertskin.physics.effects.exponential_memory import lagging
 from ertskin.physics.effects.piezo_chain import fabric_ohm_sq
 from ertskin.physics.effects.piezo_creep import PiezoCreep
 from ertskin.physics.effects.piezo_hysteresis import PiezoHysteresis
@@ -202,6 +203,22 @@ def test_contacts_that_age_conduct_better_with_the_logarithm_of_time() -> None:
     np.testing.assert_allclose(np.log(uncrept / crept)[:, 0], 0.3 * 0.75 * np.log1p(np.array([0, 0, 10, 100]) / 2.0))
 
 
-def test_contacts_that_age_must_multiply() -> None:
-    with pytest.raises(ValueError, match="multiplies"):
-        PiezoCreep(ages=True)
+@pytest.mark.parametrize(
+    ("settings", "wrong"), [({}, "multiplies"), ({"multiplies": True, "remembers_air": True}, "remembers_air")]
+)
+def test_contacts_that_age_must_multiply_and_forget_in_air(settings: dict[str, bool], wrong: str) -> None:
+    with pytest.raises(ValueError, match=wrong):
+        PiezoCreep(ages=True, **settings)
+
+
+def test_a_hardly_changing_pressure_lets_contacts_age() -> None:
+    pressure = 1e4 * (1 + 2e-16 * np.arange(6))[:, None]
+    assert contact_age_s(pressure, np.arange(6.0), slip=50.0)[-1, 0] == pytest.approx(5.0)
+
+
+def test_several_time_constants_take_in_the_mean_of_each() -> None:
+    rng = np.random.default_rng(0)
+    time_s, drive = np.cumsum(rng.uniform(0.1, 3.0, 40)), rng.uniform(0.0, 1.0, (40, 2))
+    constants_s = np.array([0.2, 3.0, 50.0])
+    each = [lagging(drive, time_s, constants_s[k : k + 1], moves_s=0.5) for k in range(3)]
+    np.testing.assert_allclose(lagging(drive, time_s, constants_s, moves_s=0.5), np.mean(each, axis=0), atol=1e-12)

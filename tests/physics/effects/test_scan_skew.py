@@ -87,13 +87,22 @@ def test_by_steps_it_makes_a_part_of_every_step_and_sets_out_from_where_it_turns
     phase = np.array([0, 1, 1, 2, 2, 3, 0], dtype=np.uint8)
     place = np.where(np.isfinite(depth_m)[..., None], 0.01, np.nan) * np.ones(2)
     history = History(np.arange(7.0), np.zeros(7, dtype=np.int64), phase, place, depth_m, np.full((7, 1), np.nan))
-    # Steps of 0.2, 0.6, 0.6 and 0.2 mm: the mean step is 0.4 mm, of which it makes a quarter in the scan.
-    skew = ScanSkew(speed_m_per_s=1e-4 / SCAN_S, by_steps=True)
+    # From one frame of a press to the next it goes 0.6 mm deeper, of which it makes a quarter in the scan.
+    skew = ScanSkew(speed_m_per_s=0.25 * history.step_m / SCAN_S, by_steps=True)
     way_m = (skew.depth_m(history, MOMENTS_S) - depth_m[:, None, :])[1:6, -1, 0]
     np.testing.assert_allclose(way_m, [0.25 * 6e-4, 0.0, 0.0, -0.25 * 6e-4, -0.25 * 2e-4], atol=1e-12)
     arriving = replace(skew, at_s=SCAN_S)
     way_m = (arriving.depth_m(history, MOMENTS_S) - depth_m[:, None, :])[1:6, 0, 0]
     np.testing.assert_allclose(way_m, [-0.25 * 2e-4, -0.25 * 6e-4, 0.0, 0.0, 0.25 * 6e-4], atol=1e-12)
+
+
+def test_by_steps_a_press_that_is_only_held_stays_and_rounding_of_its_depth_is_no_step() -> None:
+    depth_m = np.array([np.nan, 1e-3, 1e-3 * (1 + 2e-16), np.nan, 5e-4, 1e-3, np.nan])[:, None]
+    phase, press = np.array([0, 2, 2, 0, 1, 1, 0], dtype=np.uint8), np.array([0, 0, 0, 1, 1, 1, 2])
+    place = np.where(np.isfinite(depth_m)[..., None], 0.01, np.nan) * np.ones(2)
+    history = History(np.arange(7.0), press, phase, place, depth_m, np.full((7, 1), np.nan))
+    moved_m = ScanSkew(speed_m_per_s=0.2 * 5e-4 / SCAN_S, by_steps=True).depth_m(history, MOMENTS_S)[:, -1, 0]
+    np.testing.assert_allclose(moved_m[[1, 2, 4]], [1e-3, 1e-3, 6e-4], rtol=1e-9)
 
 
 @pytest.mark.parametrize("bend", [-0.8, 0.5])

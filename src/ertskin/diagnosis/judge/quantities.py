@@ -24,7 +24,7 @@ from ertskin.diagnosis.search.selection import Selection
 from ertskin.physics.conduction.mesh import inside_polygon
 from ertskin.physics.effects.effect import Effect
 from ertskin.physics.effects.standard import Standard
-from ertskin.physics.history import History, Phase
+from ertskin.physics.history import History
 from ertskin.physics.protocol import Protocol
 from ertskin.physics.sensor import Sensor
 
@@ -207,15 +207,13 @@ def field_map(effect: Effect, sensor: Sensor) -> FieldMap | None:
 def standard_of(sensor: Sensor, protocol: Protocol, history: History) -> Standard:
     """The conditions that a skin's recording sets, but for its fabric."""
     depth = history.depth_m
-    deeper = np.diff(depth, axis=0)[(history.phase[1:] == Phase.LOADING) & (np.diff(history.press) == 0)]
-    deeper = deeper[np.isfinite(deeper) & (deeper > 0)]
     places = history.contact_m[history.touched]
     return Standard(
         resistance=np.ones_like,
         largest_pa=np.nan,
         deepest_m=float(np.nanmax(depth)) if np.isfinite(depth).any() else np.nan,
         foam_m=sensor.layers[0].thickness_m if sensor.layers else np.nan,
-        step_m=float(np.median(deeper)) if deeper.size else np.nan,
+        step_m=history.step_m,
         scan_s=protocol.duration_s or np.nan,
         point_m=sensor.taxel_m,
         pressed_m=np.unique(places[np.isfinite(places).all(axis=-1)], axis=0),

@@ -127,7 +127,7 @@ def _specimen(
 
 
 def _force_stage(evidence: Evidence, support: IndenterSupport) -> tuple[ForceFit | None, ForceFit | None, ForceNoise]:
-    """The fits without and with effects, and the load cell's noise; searched again where it turns out to be less."""
+    """The fits without and with effects, and the load cell's noise; searched on with the noise that the first shows."""
     quiet = quiet_noise(evidence, support.force_noise_n)
     stiff, error = UNYIELDING
     if np.isfinite(support.stiffness_n_per_m):
