@@ -14,14 +14,18 @@ from ertskin.physics.sensor import Sensor
 
 @dataclass(frozen=True)
 class ChannelGain(AcquisitionEffect):
-    """Reading column ``channel`` times 1 + ``gain`` plus ``offset_v``."""
+    """Reading column ``channel`` times 1 + ``gain`` plus ``offset_v``; a gain that drifts as the amplifier warms is
+    told by its mean, and leaves what changes with time."""
 
     name: ClassVar[str] = "channel_gain"
     source: ClassVar[str] = "Gain and offset error of an amplifier or multiplexer branch"
     order: ClassVar[int] = 0
     form_error: ClassVar[float] = 0.25
     hypothesis: ClassVar[Hypothesis] = Hypothesis(
-        (Axis.ELECTRODE,), (Signal.NONRECIPROCAL,), (Need.MORE_READINGS,), measured=Measured.CHANNEL_ERROR
+        (Axis.ELECTRODE, Axis.TIME),
+        (Signal.NONRECIPROCAL,),
+        (Need.MORE_READINGS,),
+        measured=Measured.CHANNEL_ERROR,
     )
 
     channel: int = 0
