@@ -156,7 +156,6 @@ class PiezoCreep(PiezoEffect):
             Start(
                 cls(fraction=0.1, time_s=0.3, decades=3.0, remembers_air=True, multiplies=True), (*ladder, "half_pa")
             ),
-            Start(cls(fraction=0.1, time_s=1.0, multiplies=True, ages=True), ("fraction", "time_s", "half_pa", "slip")),
         )
 
     @classmethod
