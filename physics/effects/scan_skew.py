@@ -32,7 +32,7 @@ class ScanSkew(MotionEffect):
 
     name: ClassVar[str] = "scan_skew"
     source: ClassVar[str] = "A multiplexed scan takes longer than the press stands still; clock skew in tomography"
-    # Where the load cell alone shows it: the mean of a scan is 0.37 of its end on an S, 0.5 straight, 0.6 in a lag.
+    # A load cell tells the mean way alone: a third of all where the stage gathers speed evenly, two where it loses it.
     form_error: ClassVar[float] = 0.3
     hypothesis: ClassVar[Hypothesis] = Hypothesis(
         (Axis.SCAN_ORDER, Axis.HISTORY),

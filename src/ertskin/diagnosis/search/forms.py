@@ -8,7 +8,7 @@ from ertskin.diagnosis.fit.joint_fit import Term
 
 
 def form_of(term: Term) -> tuple[object, ...]:
-    """What tells one form of an effect from another: what is free, what it remembers, whether it is a smooth field."""
+    """What tells one form of an effect from another: what is free, its law, whether it is a smooth field."""
     flags = (getattr(term.effect, flag, False) for flag in ("remembers_air", "multiplies", "ages", "by_steps"))
     return term.free, *flags, term.modes is not None
 

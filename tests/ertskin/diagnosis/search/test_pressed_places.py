@@ -26,7 +26,9 @@ from ertskin.physics.effects.piezo_hysteresis import PiezoHysteresis
 from ertskin.physics.effects.piezo_inhomogeneity import PiezoInhomogeneity
 from ertskin.physics.effects.smooth_field import field_design
 
-DIFFERENCES = (0.015, -0.03, 0.02)
+DIFFERENCES = np.array([-0.02, 0.02, 0.01, -0.01])
+"""Some others, (0.01, -0.02, 0.02, -0.01) among them, drive the calibration so far from where it is linearised that no
+field is told; a diagnosis linearises anew, these tests don't."""
 SIDE_M = 0.06
 
 
@@ -34,7 +36,10 @@ def lots() -> PiezoInhomogeneity:
     """A fabric that differs from place to place, by two or three per cent where it is pressed."""
     problem = recorded()
     place_m, extent_m = pressed_places_m(problem), problem.evidence.sensor.extent_m
-    return PiezoInhomogeneity(nodes=modes_at(place_m, 1.0, extent_m).of(DIFFERENCES))
+    modes = modes_at(place_m, 1.0, extent_m)
+    # Which modes span the places' differences is the linear algebra's choice, and another on another machine.
+    each = [logarithms(PiezoInhomogeneity(nodes=modes.of(one)), place_m, extent_m) for one in np.eye(len(modes.nodes))]
+    return PiezoInhomogeneity(nodes=modes.of(np.linalg.lstsq(np.transpose(each), DIFFERENCES)[0]))
 
 
 def told(*hidden: Effect) -> tuple[VoltageProblem, CheckedFit, tuple[CheckedFit, float] | None]:
