@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import astuple, replace
 from functools import cache
+from pathlib import Path
 
 import numpy as np
+import own_ratios
 import pytest
 from generator.effect import Effect
 from generator.families import FAMILIES
@@ -28,6 +30,7 @@ NAMES = [
     "adc_saturation", "scan_skew", "contact_drift", "self_heating",
 ]  # fmt: skip
 """The table of names: a contract of the project's."""
+RESULTS = Path(__file__).parents[2] / "experiments" / "concealed" / "results"
 KINDS = [*(kind for kinds in FORMS.values() for kind in kinds), *FAMILIES.values()]
 
 
@@ -117,6 +120,12 @@ def test_a_ruler_knows_force_as_the_whole_plan_has_it() -> None:
     expected = np.sqrt(1.0 + np.mean(left**2) / skin.noise.force_n**2)
     assert 1.1 < expected < 2.0
     assert Ruler(skin).ratio([effect]).force == pytest.approx(expected, rel=0.1)
+
+
+def test_the_ruler_measures_what_the_last_sample_was_sealed_with() -> None:
+    case, _, sealed, now = next(own_ratios.measured(RESULTS / "eighth32", "scan_skew"))
+    assert case == "c001"
+    assert astuple(now) == pytest.approx(astuple(sealed), abs=0.005)
 
 
 def test_frames_that_are_chosen_are_read_as_in_the_whole_recording() -> None:
