@@ -171,8 +171,7 @@ class PiezoCreep(PiezoEffect):
         )
 
     def freer(self, free: tuple[str, ...]) -> tuple[Start, ...]:
-        """How it depends on pressure, in either form; then, where it multiplies, how uneven the gaps are. Contacts that
-        age are a form of their own."""
+        """How it depends on pressure, in either form; where it multiplies then how uneven the gaps are, or their age."""
         if self.ages:
             return () if "slip" in free else (Start(self, (*free, "half_pa", "slip")),)
         if not {"exponent", "half_pa"} & set(free):
@@ -185,5 +184,9 @@ class PiezoCreep(PiezoEffect):
                 Start(replace(spread, multiplies=True), (*ladder, "half_pa")),
             )
         if "half_pa" in free and "power" not in free:
-            return (Start(self.changed({"unevenness": 0.3}), (*free, "unevenness", "power")),)
+            aged = replace(self, time_s=1.0, decades=0.0, remembers_air=False, ages=True)
+            return (
+                Start(self.changed({"unevenness": 0.3}), (*free, "unevenness", "power")),
+                Start(aged, ("fraction", "time_s", "half_pa", "slip")),
+            )
         return ()

@@ -50,11 +50,12 @@ def select_force_effects(
     An effect enters, takes another's place and stays while that gains ``threshold`` in half chi-square held out; what
     is lost without it must also exceed ``second_share`` of what the most important one is worth: less may be owed to
     that one's form. What no effect explains competes with every effect and, once it explains more, is part of the
-    noise. The search begins with the effects ``begun``, unless what no effect explains is worth more.
+    noise. The search begins with the effects ``begun``.
     """
     search = ForceSearch(data, folds, threshold, second_share)
     base = fit_force(data, ())
-    best, score = _better_begun(search, base, begun) if begun else (base, search.foretold(base))
+    best = fit_force(data, begun) if begun else base
+    score = search.foretold(best)
     for _ in range(ROUNDS):
         changed, gain = _most(search, best, score)
         remainder, evidence = _nameless(search, best)
@@ -66,15 +67,6 @@ def select_force_effects(
             break
         best, score = changed, score - gain
     return base, _without_the_small(search, best, score)
-
-
-def _better_begun(search: ForceSearch, base: ForceFit, begun: Sequence[Start]) -> tuple[ForceFit, float]:
-    """The fit with the effects ``begun`` and its held-out misfit, or that without where they are worth less."""
-    fit = fit_force(search.data, begun)
-    alone, together = search.foretold(base), search.foretold(fit)
-    if alone - together < max(search.threshold, _nameless(search, base)[1]):
-        return base, alone
-    return fit, together
 
 
 def _nameless(search: ForceSearch, best: ForceFit) -> tuple[Remainder, float]:
