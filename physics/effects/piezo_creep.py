@@ -171,7 +171,7 @@ class PiezoCreep(PiezoEffect):
         )
 
     def freer(self, free: tuple[str, ...]) -> tuple[Start, ...]:
-        """How it depends on pressure, in either form; where it multiplies then how uneven the gaps are, or their age."""
+        """How it depends on pressure, in either form; where it multiplies then how uneven gaps are, or their age."""
         if self.ages:
             return () if "slip" in free else (Start(self, (*free, "half_pa", "slip")),)
         if not {"exponent", "half_pa"} & set(free):
