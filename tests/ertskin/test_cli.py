@@ -9,7 +9,7 @@ import time
 
 import pytest
 import yaml
-from processor_time import command_s
+from processor_time import command_s, light_imports_s
 
 from ertskin import cli
 from ertskin.commands import verbs
@@ -132,12 +132,13 @@ def test_zsh_completes(shell, typed, whole):
 
 
 def test_help_is_there_at_once():
-    assert command_s("--help") < 0.2
+    assert command_s("--help") < 0.5 * light_imports_s()
 
 
 def test_doctor_answers_at_once(shared_data):
-    # A second on an idle machine, half as long again where every core has a neighbour.
-    assert command_s("doctor", f"recording={shared_data / 'recordings' / 'rig_a_train.h5'}") < 1.5
+    # Three times as long as its imports, a second where those take a third of one; scipy or torch would show.
+    recording = shared_data / "recordings" / "rig_a_train.h5"
+    assert command_s("doctor", f"recording={recording}") < 5 * light_imports_s()
 
 
 def test_a_configuration_is_composed_once(monkeypatch, tmp_path, capsys):
