@@ -20,11 +20,10 @@ from ertskin.physics.effects.effect import (
     ElectrodeEffect,
     FoamEffect,
     MotionEffect,
-    PiezoEffect,
     PlacementEffect,
     SheetEffect,
 )
-from ertskin.physics.effects.piezo_chain import fabric_ohm_sq
+from ertskin.physics.effects.piezo_chain import fabric_ohm_sq, in_fabric
 from ertskin.physics.history import History
 from ertskin.physics.mechanics.pressure import InterfacePressure
 from ertskin.physics.mechanics.reaction import foam_force_n
@@ -262,7 +261,7 @@ class Skin:
     @property
     def remembers_air(self) -> bool:
         """Whether places that were pressed are not as before while nothing touches them."""
-        return any(getattr(effect, "remembers_air", False) for effect in _of(self.effects, PiezoEffect))
+        return any(getattr(part, "remembers_air", False) for part in in_fabric(self.effects))
 
     def left_behind(
         self, time_s: Array, position_m: Array, pressure_pa: Array, wanted: NDArray[np.intp] | None = None
@@ -306,8 +305,8 @@ class Skin:
 
     def warm_through(self, position_m: Array) -> Array | None:
         """(N,) the same once scans have followed one another for long: how a skin in use is."""
-        found = [e.warmth(position_m, np.zeros(1), self.sensor, self.protocol) for e in _of(self.effects, SheetEffect)]
-        parts = [pattern for pattern, _ in filter(None, found)]
+        found = [e.warm_through(position_m, self.sensor, self.protocol) for e in _of(self.effects, SheetEffect)]
+        parts = [part for part in found if part is not None]
         return np.sum(parts, axis=0) if parts else None
 
     def _solved(self, conductance_s: Array, contact_ohm: Array, drift: float) -> Array:

@@ -174,6 +174,10 @@ class Effect:
         """Where fits of the readings begin."""
         return ()
 
+    def in_fabric(self) -> PiezoEffect | None:
+        """What it does to the fabric under pressure, None for nothing."""
+        return None
+
     def freer(self, free: tuple[str, ...]) -> Sequence[Start]:
         """The effect with more of its form free than the parameters ``free``, or in its other forms, in the order in
         which they are tried; none where there is no more to free."""
@@ -263,9 +267,12 @@ class PiezoEffect(Effect):
     stage: ClassVar[Stage] = Stage.PIEZORESISTANCE
     order: ClassVar[int] = 0
 
+    def in_fabric(self) -> PiezoEffect | None:
+        return self
+
     def effective_pressure_pa(self, pressure_pa: Array, position_m: Array, time_s: Array, extent_m: Array) -> Array:
         """(T,N) pascal, from pressures (T,N) at points (N,2) over times (T,); ``extent_m`` (2,2) the sheet's box."""
-        raise NotImplementedError
+        return pressure_pa
 
     def resistance_factor(
         self,
@@ -301,6 +308,10 @@ class SheetEffect(Effect):
     ) -> tuple[Array, Array] | None:
         """What comes and goes at some places, pressed or not: logarithm of the conductance's factor, as its parts by
         place (N,) and by recording time (T,), of which it is the product; None where there is no such thing."""
+        return None
+
+    def warm_through(self, position_m: Array, sensor: Sensor, protocol: Protocol) -> Array | None:
+        """(N,) what that comes to once scans have followed one another for long; None where they have no part in it."""
         return None
 
 

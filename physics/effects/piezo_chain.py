@@ -11,6 +11,12 @@ from ertskin.physics.effects.effect import Array, Effect, PiezoEffect
 from ertskin.physics.piezo.polynomial import PiezoPolynomial
 
 
+def in_fabric(effects: Sequence[Effect]) -> list[PiezoEffect]:
+    """What effects do to the fabric, in the order in which it happens."""
+    chain = [part for part in (effect.in_fabric() for effect in effects) if part is not None]
+    return sorted(chain, key=lambda part: part.order)
+
+
 def felt(
     effects: Sequence[Effect],
     pressure_pa: Array,
@@ -25,8 +31,7 @@ def felt(
     times (T,); ``extent_m`` (2,2) the sheet's box.
     """
     factor = np.ones((1, 1))
-    chain = [effect for effect in effects if isinstance(effect, PiezoEffect)]
-    for effect in sorted(chain, key=lambda e: e.order):
+    for effect in in_fabric(effects):
         factor = factor * effect.resistance_factor(pressure_pa, position_m, time_s, extent_m, wanted)
         pressure_pa = effect.effective_pressure_pa(pressure_pa, position_m, time_s, extent_m)
     return pressure_pa if wanted is None else pressure_pa[wanted], factor

@@ -82,10 +82,13 @@ class SelfHeating(SheetEffect, AcquisitionEffect):
     def warmth(
         self, position_m: Array, time_s: Array, sensor: Sensor, protocol: Protocol
     ) -> tuple[Array, Array] | None:
+        pattern = self.warm_through(position_m, sensor, protocol)
+        return None if pattern is None else (pattern, self.course(time_s))
+
+    def warm_through(self, position_m: Array, sensor: Sensor, protocol: Protocol) -> Array | None:
         if self.crowded_rise == 0.0:
             return None
-        pattern = -self.crowded_rise * heat_at(position_m, sensor, protocol, self.spread_m)
-        return pattern, self.course(time_s)
+        return np.asarray(-self.crowded_rise * heat_at(position_m, sensor, protocol, self.spread_m))
 
     def course(self, time_s: Array) -> Array:
         """(T,) warmth of the scans at ``time_s`` (T,) so far, that of the scan itself among them."""

@@ -375,12 +375,15 @@ def warming(kind: type[Form], skin: Skin) -> float:
     time_s = np.arange(0.0, 600.0, 5.0)
     rows = [form.sheet(skin.taxel_m, Moment(float(t), 5.0, 0, 0, np.zeros((0, 2)), np.zeros(0))) for t in time_s]
     said = np.array([np.zeros(len(skin.taxel_m)) if row is None else row for row in rows])
-    said = said - said[0]
+    said, seen = said - said[0], seen_of(skin)
 
     def missed(effect: Effect | None) -> Array:
         if effect is None:
             return said.ravel()
-        return np.ravel(-np.log(cast(SheetEffect, effect).drift(time_s))[:, None] - said)
+        drift = cast(SheetEffect, effect)
+        warmth = drift.warmth(skin.taxel_m, time_s, *seen)
+        uneven = 0.0 if warmth is None else np.multiply.outer(warmth[1], warmth[0])
+        return np.ravel(uneven - np.log(drift.drift(time_s))[:, None] - said)
 
     return left_of(starts_of(kind.name, "readings"), missed)
 

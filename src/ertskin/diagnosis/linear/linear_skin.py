@@ -38,12 +38,11 @@ from ertskin.physics.effects.effect import (
     Effect,
     FoamEffect,
     MotionEffect,
-    PiezoEffect,
     PlacementEffect,
     SheetEffect,
     Stage,
 )
-from ertskin.physics.effects.piezo_chain import felt
+from ertskin.physics.effects.piezo_chain import felt, in_fabric
 from ertskin.physics.history import History
 from ertskin.physics.skin import TAIL, Skin, frames_since, moments_of
 
@@ -90,8 +89,7 @@ def _on_sheet(skin: Skin) -> tuple[Effect, ...]:
 
 def _of_fabric(skin: Skin) -> tuple[object, ...]:
     """What, under given pressures, a fabric's resistance over that at rest depends on."""
-    memories = tuple(e for e in skin.effects if isinstance(e, PiezoEffect))
-    return skin.piezo.coefficients.tobytes(), skin.piezo.max_stress_pa, memories
+    return skin.piezo.coefficients.tobytes(), skin.piezo.max_stress_pa, tuple(in_fabric(skin.effects))
 
 
 def _same_network(one: Skin, other: Skin | None) -> bool:
@@ -294,7 +292,7 @@ class LinearSkin:
         """(n,P) change of the scans by what comes and goes in the sheet, to first order about what is usual there; None
         for none."""
         somewhere = self._points[:1]
-        if all(one.warm_through(somewhere) is None for one in (skin, self.skin)):
+        if all(one.warmth(somewhere, self.history.time_s, self.wanted) is None for one in (skin, self.skin)):
             return None
         nodes, columns, _ = self._everywhere
         warmth = skin.warmth(nodes, self.history.time_s, self.wanted)

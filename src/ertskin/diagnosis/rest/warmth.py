@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,8 +13,8 @@ from scipy.optimize import least_squares
 
 from ertskin.diagnosis.linear.sensitivity import Hats, sheet_sensitivity, whitening_of_transfer
 from ertskin.diagnosis.recording.evidence import Evidence
-from ertskin.physics.effects.effect import Effect, Start
-from ertskin.physics.effects.hypothesis import Signal
+from ertskin.physics.effects.effect import SheetEffect, Start, shown_by
+from ertskin.physics.effects.hypothesis import Axis, Signal
 from ertskin.physics.effects.registry import effects_shown_by
 from ertskin.physics.skin import Skin
 
@@ -80,12 +80,18 @@ def warmth_at_rest(
 
 
 def _starts(evidence: Evidence) -> Iterator[Start]:
-    """Every form that resistor networks show of an effect that shows at rest, though others of its forms none does."""
+    """Every form, one that is freed once among them, in which a sheet that changes with time shows at rest by what
+    resistor networks explain."""
     for kind in effects_shown_by(Signal.REST):
-        yield from (s for s in kind.reading_starts(evidence.sensor, evidence.protocol) if s.reciprocal)
+        if not (issubclass(kind, SheetEffect) and Axis.TIME in kind.hypothesis.axes):
+            continue
+        for start in kind.reading_starts(evidence.sensor, evidence.protocol):
+            if start.reciprocal or not shown_by(kind, Signal.NONRECIPROCAL):
+                yield start
+                yield from (replace(form, along=start.along) for form in start.effect.freer(start.free))
 
 
-def _heated_scans(skin: Skin, evidence: Evidence, rows: NDArray[np.bool_]) -> Callable[[Effect], Array]:
+def _heated_scans(skin: Skin, evidence: Evidence, rows: NDArray[np.bool_]) -> Callable[[SheetEffect], Array]:
     """What an effect's warmth does to the rest frames' scans (R,P), to first order, less its mean."""
     points, even = skin.sheet.quadrature_m.reshape(-1, 2), skin.sheet.uniform(skin.piezo.zero_ohm_sq)
     low_m, high_m = skin.sensor.extent_m
@@ -95,25 +101,39 @@ def _heated_scans(skin: Skin, evidence: Evidence, rows: NDArray[np.bool_]) -> Ca
     whitening, values = whitening_of_transfer(skin.protocol), hats.values(points)
     columns = sheet_sensitivity(solution, elements, values, whitening, isotropic, even.ravel())[0].astype(float)
 
-    def scans(effect: Effect) -> Array:
-        warmth = replace(skin, effects=(effect,)).warmth(hats.node_m, evidence.history.time_s, wanted)
-        change = np.zeros((len(wanted), len(columns))) if warmth is None else warmth @ columns.T
+    level, time_s = columns.sum(axis=1), evidence.history.time_s
+
+    def scans(effect: SheetEffect) -> Array:
+        parts = [(level, -np.log(effect.drift(time_s)))]
+        warmth = effect.warmth(hats.node_m, time_s, skin.sensor, skin.protocol)
+        if warmth is not None:
+            parts.append((columns @ warmth[0], warmth[1]))
+        change = np.sum([np.multiply.outer(course[wanted], of_pattern) for of_pattern, course in parts], axis=0)
         return np.asarray(change - change.mean(axis=0))
 
     return scans
 
 
-def _fitted(start: Start, scans: Callable[[Effect], Array], change_v: Array, noise_v: float) -> Array:
-    """(R,P) what the start's kind does to the scans where it fits the changes (R,P) best."""
-    (size,), known = start.along, start.effect.parameters()
-    others = [key for key in start.free if key != size]
+def _fitted(start: Start, scans: Callable[[SheetEffect], Array], change_v: Array, noise_v: float) -> Array:
+    """(R,P) what the start's kind does to the scans where it fits the changes (R,P) best: in proportion to what it is
+    screened along, for all else of it that is free."""
+    known = start.effect.parameters()
+    others = [key for key in start.free if key not in start.along]
+    positive = np.array([known[key].low > 0 for key in others], dtype=bool)
 
-    def at(logarithm: Array) -> Array:
-        values = {key: float(np.exp(x)) for key, x in zip(others, logarithm, strict=True)}
-        part = scans(start.effect.changed({size: known[size].typical, **values}))
-        return np.asarray(part * (part * change_v).sum() / max(float((part**2).sum()), 1e-300))
+    def scaled(values: Array) -> Array:
+        return np.where(positive, np.log(np.where(positive, values, 1.0)), values)
 
-    bounds = np.log([[getattr(known[key], end) for key in others] for end in ("low", "high")])
-    begun = np.log([getattr(start.effect, key) for key in others])
-    fit = least_squares(lambda x: (change_v - at(x)).ravel() / noise_v, begun, bounds=bounds, diff_step=1e-3)
+    def at(shape: Array) -> Array:
+        values = dict(zip(others, map(float, np.where(positive, np.exp(shape), shape)), strict=True))
+        forms = [start.effect.changed({key: known[key].typical, **values}) for key in start.along]
+        parts = [scans(cast(SheetEffect, form)).ravel() for form in forms]
+        sizes = np.linalg.lstsq(np.transpose(parts), change_v.ravel(), rcond=None)[0]
+        return np.asarray((sizes @ np.array(parts)).reshape(change_v.shape))
+
+    low, high = (scaled(np.array([getattr(known[key], end) for key in others])) for end in ("low", "high"))
+    begun = scaled(np.array([start.effect.value(key) for key in others]))
+    if not others:
+        return at(begun)
+    fit = least_squares(lambda x: (change_v - at(x)).ravel() / noise_v, begun, bounds=(low, high), diff_step=1e-3)
     return at(fit.x)

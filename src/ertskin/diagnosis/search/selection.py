@@ -33,8 +33,9 @@ from ertskin.diagnosis.search.trials import (
 )
 from ertskin.diagnosis.specimen.agreement import remembers_alike
 from ertskin.physics.conduction.mesh import MeshError
-from ertskin.physics.effects.effect import ElectrodeEffect, PiezoEffect, shown_by
+from ertskin.physics.effects.effect import ElectrodeEffect, shown_by
 from ertskin.physics.effects.hypothesis import Measured, Signal
+from ertskin.physics.effects.piezo_chain import in_fabric
 
 Array = NDArray[np.float64]
 
@@ -332,9 +333,7 @@ def _begun(build: Problem, without: CheckedFit, terms: Sequence[Term]) -> Checke
 
 def _without_drifts(build: Problem, incumbent: CheckedFit, fixed: Sequence[Term]) -> tuple[CheckedFit, Sequence[Term]]:
     """The fit and its fixed terms without contacts that wander, where places that creep explain as much at rest."""
-    creeps = any(
-        isinstance(t.effect, PiezoEffect) and getattr(t.effect, "remembers_air", False) for t in incumbent.solved.terms
-    )
+    creeps = any(getattr(part, "remembers_air", False) for part in in_fabric(incumbent.solved.effects))
     still = [term for term in incumbent.solved.terms if not _path_of_contact(term)]
     if not creeps or len(still) == len(incumbent.solved.terms):
         return incumbent, fixed

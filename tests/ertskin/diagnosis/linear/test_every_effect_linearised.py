@@ -20,6 +20,7 @@ from ertskin.physics.effects.effect import (
     MotionEffect,
     SheetEffect,
     Stage,
+    Start,
     shown_by,
 )
 from ertskin.physics.effects.hypothesis import Measured, Signal
@@ -67,6 +68,25 @@ def examples(kind: type[Effect]) -> list[Effect]:
 
 def every_example() -> list[Effect]:
     return [effect for kind in effect_classes().values() for effect in examples(kind)]
+
+
+def freed_example(effect: Effect, free: tuple[str, ...], form: Start) -> Effect:
+    """A form that is freed, what is free in it and wasn't before off by its typical size."""
+    new = [key for key in form.free if key not in free and key in effect.parameters()]
+    known = effect.parameters()
+    moved = {key: min(form.effect.value(key) + known[key].typical, known[key].high) for key in new}
+    return form.effect.changed(moved)
+
+
+def every_freed_example() -> list[Effect]:
+    """The forms that the first start of every effect may turn out to be."""
+    found = []
+    for kind in effect_classes().values():
+        for start in [*kind.reading_starts(small_sensor(), SCAN), *kind.force_starts()][:1]:
+            known = kind.parameters()
+            begun = start.effect.changed({key: known[key].typical for key in start.along})
+            found += [freed_example(begun, start.free, form) for form in begun.freer(start.free)]
+    return found
 
 
 def evidence_of(skin: Skin, history: History) -> Evidence:
@@ -119,6 +139,11 @@ def held(skin: Skin, linear: LinearSkin, effect: Effect, within: float) -> None:
     ids=lambda e: e.name,
 )
 def test_an_effect_changes_both_alike(skin: Skin, linear: LinearSkin, effect: Effect) -> None:
+    held(skin, linear, effect, WITHIN)
+
+
+@pytest.mark.parametrize("effect", every_freed_example(), ids=lambda e: e.name)
+def test_so_does_a_form_that_is_freed(skin: Skin, linear: LinearSkin, effect: Effect) -> None:
     held(skin, linear, effect, WITHIN)
 
 

@@ -61,6 +61,14 @@ def test_it_takes_what_warmth_did_and_leaves_the_noise(skin: Skin) -> None:
     assert doubt < 0.1 * SelfHeating.form_error**2 * (warmth**2).sum() / NOISE_V**2
 
 
+def test_a_room_warmer_on_one_side_is_no_contacts(skin: Skin) -> None:
+    evidence, change, whole = at_rest(skin, TemperatureDrift(rate_per_h=-0.3, settle_h=0.1, gradient_x=0.6))
+    warmth, _, name = warmth_at_rest(skin, evidence, RESTS, change, whole)
+    assert name == "temperature_drift"
+    assert np.sqrt((change**2).mean()) > 3 * NOISE_V
+    assert np.sqrt(((change - warmth) ** 2).mean()) == pytest.approx(NOISE_V, rel=0.1)
+
+
 @pytest.mark.parametrize("others", [(), (TemperatureDrift(rate_per_h=-1.0),)], ids=["noise", "an even drift"])
 def test_it_takes_nothing_where_nothing_warms_unevenly(skin: Skin, others: tuple[Effect, ...]) -> None:
     evidence, change, whole = at_rest(skin, *others)
