@@ -128,14 +128,10 @@ class TemperatureDrift(SheetEffect):
         )
 
     def freer(self, free: tuple[str, ...]) -> tuple[Start, ...]:
-        """Uneven over the sheet; with a swing beside the drift; a load that is as warm, or as cold, as the room."""
+        """Uneven over the sheet; with a load that is warmer or colder than the sheet."""
         found = []
         if not set(GRADIENT) & set(free):
             found.append(Start(self, (*free, *GRADIENT)))
-        if "period_h" not in free:
-            swung = (replace(self, period_h=period_h) for period_h in (0.1, 0.3))
-            found += [Start(one, (*free, *SWING, "period_h")) for one in swung]
         if not set(LOAD) & set(free):
-            loaded = (replace(self, load_rise=1e-3, load_lasts_s=lasts_s) for lasts_s in (10.0, 60.0))
-            found += [Start(one, (*free, *LOAD)) for one in loaded]
+            found.append(Start(replace(self, load_rise=1e-3), (*free, *LOAD)))
         return tuple(found)
