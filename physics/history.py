@@ -4,11 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import IntEnum
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
+
+SPOT_M = 1e-3
+"""Contacts closer together than this press the same spot of foam."""
 
 
 class Phase(IntEnum):
@@ -75,7 +79,7 @@ class History:
             self.force_n[frames],
         )
 
-    @property
+    @cached_property
     def step_m(self) -> float:
         """Metre by which the stage usually goes deeper from one frame of a press to the next, NaN where it never
         does."""
@@ -83,7 +87,17 @@ class History:
         deeper = deeper[np.isfinite(deeper) & (deeper > 0)]
         return float(np.median(deeper)) if deeper.size else float("nan")
 
-    @property
+    @cached_property
     def touched(self) -> NDArray[np.bool_]:
         """(T,P) where a contact presses: neither a rest frame nor an absent contact."""
         return np.isfinite(self.contact_m).all(axis=-1) & (self.phase != Phase.REST)[:, None]
+
+    @cached_property
+    def spot(self) -> NDArray[np.intp]:
+        """(T,P) number of the spot that each contact presses, -1 where there is none."""
+        numbers = np.full(self.contact_m.shape[:-1], -1, dtype=np.intp)
+        touching = np.isfinite(self.contact_m).all(axis=-1)
+        spots = np.round(self.contact_m[touching] / SPOT_M).astype(np.int64)
+        if len(spots):
+            numbers[touching] = np.unique(spots, axis=0, return_inverse=True)[1].ravel()
+        return numbers

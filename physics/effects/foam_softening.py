@@ -13,6 +13,9 @@ from ertskin.physics.effects.effect import Array, FoamEffect, Start, Strokes, pa
 from ertskin.physics.effects.hypothesis import Axis, Hypothesis, Need, Signal
 from ertskin.physics.effects.standard import STEPS, Standard
 
+HELD_M = 1e-8
+"""Below the deepest a press has been, by less than this, it is held and not let go."""
+
 
 @dataclass(frozen=True)
 class FoamSoftening(FoamEffect):
@@ -113,7 +116,7 @@ def _virgin(sink, touched, place, press, kept, presses, rejoin):  # type: ignore
             earlier[p] = deepest[p]
             current[p] = press[t]
         virgin = 1.0 if sink[t] > earlier[p] else np.exp(-count[p] / presses)
-        unloading = earlier[p] < sink[t] < deepest[p]
+        unloading = earlier[p] < sink[t] < deepest[p] - HELD_M
         left[t] = virgin * kept if unloading else virgin
         if rejoin > 0 and 0 < sink[t] <= deepest[p]:
             left[t] = max(left[t], np.exp(-(1 - sink[t] / deepest[p]) / rejoin))

@@ -14,8 +14,12 @@ Array = NDArray[np.float64]
 
 _ROUNDS = 60
 _CLOSE_N = 1e-6
-PLACE_M = 1e-3
-"""Contacts closer together than this press the same spot of foam."""
+_SLOPES = 0.2, 5.0
+"""Range of a secant's slope over the elastic pad's; outside it the elastic one is taken."""
+_MENDED = 0.5
+"""Part of an error of the other sign above which a step has met a jump."""
+_KEPT, _WIDER = 3, 4.0
+"""Times that an error keeps its sign until what is in between is made wider, and how much wider."""
 
 
 def foam_force_n(
@@ -28,11 +32,11 @@ def foam_force_n(
 ) -> Array:
     """(T,P) force in newton on every contact from the commanded depth, NaN where there is none, 0 in air.
 
-    Pad and support yield in series (paper eq. 4): the sinking s solves F(s history) = support (depth - s), by relaxed
-    fixed point over the whole history. ``depth_m`` (T,P) replaces the history's.
+    Pad and support yield in series (paper eq. 4): the sinking s solves F(s history) = support (depth - s), by secants,
+    each frame for itself, over the whole history. ``depth_m`` (T,P) replaces the history's.
     """
     depth = history.depth_m if depth_m is None else depth_m
-    place = place_numbers(history.contact_m)
+    place = history.spot
     ordered = sorted(effects, key=lambda e: e.order)
     columns = [
         _column(history, depth[:, p], place[:, p], pad_n_per_m, support_n_per_m, foam_m, ordered)
@@ -56,18 +60,58 @@ def _column(
     command = np.where(touched, depth[source], 0.0)
     force = command / (1.0 / pad + 1.0 / support)
     if effects:
-        relaxation = 1.0 / (1.0 + pad / support)
+        secant = _Secant(1.0 / (1.0 + pad / support), len(force))
         for _ in range(_ROUNDS):
             sink = np.where(touched, np.maximum(command - force / support, 0.0), 0.0)
             strokes = Strokes(sink, pad * sink, time_s, touched, place[source], history.press[source], foam_m)
             reaction = pad * sink
             for effect in effects:
                 reaction = effect.reaction_n(reaction, strokes)
-            change = relaxation * (np.where(touched, reaction, 0.0) - force)
+            change = secant.change_n(force, np.where(touched, reaction, 0.0) - force)
             force = force + change
             if np.abs(change).max(initial=0.0) < _CLOSE_N:
                 break
     return np.where(pressing | (history.phase == Phase.REST), np.maximum(force, 0.0)[real], np.nan)
+
+
+class _Secant:
+    """Steps (N,) towards where an error (N,) in newton is nought, each frame for itself.
+
+    A foam may jump from one curve to another at the deepest it has been: what has met an error of either sign stays in
+    between, and goes half the way where a secant won't. Frames before move such a jump: where errors keep their sign,
+    what is in between is made wider.
+    """
+
+    def __init__(self, elastic: float, count: int) -> None:
+        self.elastic = elastic
+        self._wrong_n, self._change_n = np.zeros(count), np.zeros(count)
+        self._below_n, self._above_n = np.full(count, -np.inf), np.full(count, np.inf)
+        self._kept = np.zeros(count, dtype=np.intp)
+
+    def change_n(self, force_n: Array, wrong_n: Array) -> Array:
+        """(N,) newton, for the error (N,) of the forces (N,) that the last step has led to."""
+        kept = wrong_n * self._wrong_n > 0
+        self._kept = np.where(kept, self._kept + 1, 0)
+        self._bracket(force_n, wrong_n)
+        mended = self._wrong_n - wrong_n
+        known = np.abs(mended) > _CLOSE_N
+        ratio = np.divide(self._change_n, mended, out=np.full(len(wrong_n), self.elastic), where=known)
+        likely = (ratio > _SLOPES[0] * self.elastic) & (ratio < _SLOPES[1] * self.elastic)
+        there = force_n + np.where(likely, ratio, self.elastic) * wrong_n
+        width = self._above_n - self._below_n
+        jumped = ~kept & (np.abs(wrong_n) > _MENDED * np.abs(self._wrong_n))
+        halved = np.isfinite(width) & (jumped | (there <= self._below_n) | (there >= self._above_n))
+        there[halved] = 0.5 * (self._below_n[halved] + self._above_n[halved])
+        self._wrong_n, self._change_n = wrong_n, there - force_n
+        return self._change_n
+
+    def _bracket(self, force_n: Array, wrong_n: Array) -> None:
+        width = self._above_n - self._below_n
+        self._below_n = np.where(wrong_n > 0, force_n, self._below_n)
+        self._above_n = np.where(wrong_n < 0, force_n, self._above_n)
+        moved = (self._kept >= _KEPT) & np.isfinite(width)
+        self._above_n = np.where(moved & (wrong_n > 0), force_n + _WIDER * width, self._above_n)
+        self._below_n = np.where(moved & (wrong_n < 0), force_n - _WIDER * width, self._below_n)
 
 
 def lift_offs(time_s: Array, pressing: NDArray[np.bool_]) -> tuple[NDArray[np.intp], NDArray[np.bool_], Array]:
@@ -82,13 +126,3 @@ def lift_offs(time_s: Array, pressing: NDArray[np.bool_]) -> tuple[NDArray[np.in
     real = np.insert(np.ones(len(time_s), dtype=bool), leaves + 1, False)
     times = np.insert(time_s, leaves + 1, time_s[leaves] + 0.999 * np.maximum(step, 0.0))
     return source, real, times
-
-
-def place_numbers(contact_m: Array) -> NDArray[np.intp]:
-    """(T,P) number of the spot each contact (T,P,2) presses, -1 where there is none."""
-    numbers = np.full(contact_m.shape[:-1], -1, dtype=np.intp)
-    touching = np.isfinite(contact_m).all(axis=-1)
-    spots = np.round(contact_m[touching] / PLACE_M).astype(np.int64)
-    if len(spots):
-        numbers[touching] = np.unique(spots, axis=0, return_inverse=True)[1].ravel()
-    return numbers

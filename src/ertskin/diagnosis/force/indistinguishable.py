@@ -7,7 +7,6 @@ import numpy as np
 from ertskin.physics.effects.effect import Effect
 from ertskin.physics.effects.hypothesis import Need
 from ertskin.physics.history import History, Phase
-from ertskin.physics.mechanics.reaction import place_numbers
 
 
 def distinguishable(one: Effect, other: Effect, history: History) -> bool:
@@ -20,7 +19,7 @@ def distinguishable(one: Effect, other: Effect, history: History) -> bool:
 
 def reloaded(history: History) -> bool:
     """Whether the pad is loaded again somewhere: in another press of the same place, or within a press."""
-    place = place_numbers(history.contact_m)[:, 0]
+    place = history.spot[:, 0]
     touched = history.touched[:, 0] & (place >= 0)
     presses = np.unique(np.stack([place[touched], history.press[touched]], axis=1), axis=0)
     if len(np.unique(presses[:, 0])) < len(presses):

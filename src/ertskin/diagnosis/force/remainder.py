@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ertskin.physics.history import History
-from ertskin.physics.mechanics.reaction import place_numbers
 
 Array = NDArray[np.float64]
 
@@ -56,7 +55,7 @@ def _remainders(history: History, used: NDArray[np.bool_], force_n: Array) -> It
     time_s = np.broadcast_to(history.time_s[:, None], used.shape)[used]
     knots = np.linspace(time_s.min(), time_s.max() + 1e-9, KNOTS)
     hats = np.stack([np.interp(time_s, knots, one) for one in np.eye(KNOTS)], axis=1)
-    place = place_numbers(history.contact_m)[used]
+    place = history.spot[used]
     places = (place[:, None] == np.unique(place)[None, :]).astype(float)
     share = force_n[:, None] / np.sqrt(np.mean(force_n**2))
     kinds = {
