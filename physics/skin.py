@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property, reduce
+from functools import cached_property, lru_cache, reduce
 from typing import TypeVar
 
 import numpy as np
@@ -41,6 +41,9 @@ numbers by 0.06 of a 2 mV noise; ten times more left out would change them by ha
 PAD_SAMPLES = 7
 UNCHANGED = 1e-5
 """Relative change of conductance, of what presses have left behind, below which there is none."""
+DRIFT_STEP = 0.01
+"""Between such changes of the sheet's logarithm, pair resistances go straight: their bend by the contacts' share makes
+less than a ten-thousandth of a contact."""
 TOGETHER = 2_000_000
 """Pressures, over times and points, held at once where the whole sheet's past is looked at."""
 SKEW_NODES = 4
@@ -312,12 +315,22 @@ class Skin:
     def _solved(self, conductance_s: Array, contact_ohm: Array, drift: float) -> Array:
         shaped = conductance_s.reshape(*self.sheet.weight_m2.shape, *conductance_s.shape[1:])
         # A sheet resistance times f with contacts z is f times the original sheet with contacts z/f.
+        if drift != 1.0 and conductance_s.ndim == 1 and np.array_equal(contact_ohm, self.contact_resistance_ohm):
+            return drift * self._drifted(shaped, float(np.log(drift)))
         contacts = contact_ohm / drift
         if conductance_s.ndim > 1 or not np.array_equal(contacts, self.contact_resistance_ohm):
             return drift * self.sheet.solve(shaped, contacts).pair_resistance_ohm
         if np.array_equal(shaped, self._resting.conductivity_s):
             return drift * self._resting.pair_resistance_ohm
         return drift * self.sheet.solve_again(shaped, self._resting).pair_resistance_ohm
+
+    def _drifted(self, conductance_s: Array, log_drift: float) -> Array:
+        """(P,) pair resistances of a sheet (E,Q) whose contacts are divided by a drift: straight between those of two
+        drifts, for which the untouched sheet is known."""
+        below = int(np.floor(log_drift / DRIFT_STEP))
+        share = log_drift / DRIFT_STEP - below
+        ends = (self.sheet.solve_again(conductance_s, _at_drift(self, below + k)).pair_resistance_ohm for k in (0, 1))
+        return np.asarray(np.average(list(ends), axis=0, weights=(1.0 - share, share)))
 
     @cached_property
     def _resting(self) -> Solution:
@@ -362,6 +375,13 @@ class Skin:
             readings = self.protocol.readings(self.pair_resistance_ohm(history, still * scale, wanted))
             voltage += weights[:, s, None] * readings
         return voltage
+
+
+@lru_cache(maxsize=4)
+def _at_drift(skin: Skin, steps: int) -> Solution:
+    """The untouched sheet with its contacts divided by so many steps of a drift."""
+    contacts = skin.contact_resistance_ohm * np.exp(-DRIFT_STEP * steps)
+    return skin._resting if steps == 0 else skin.sheet.solve(skin._resting.conductivity_s, contacts)
 
 
 def frames_since(event: NDArray[np.bool_], rows: NDArray[np.intp]) -> NDArray[np.intp]:

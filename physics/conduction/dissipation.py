@@ -6,7 +6,8 @@ from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter, map_coordinates
+from scipy.fft import fftfreq, irfft2, next_fast_len, rfft2, rfftfreq
+from scipy.ndimage import map_coordinates
 from scipy.spatial import cKDTree
 
 from ertskin.physics.conduction.mesh import Grading
@@ -23,6 +24,8 @@ LEAST_OHM = 10.0
 CELL_M = 5e-4
 REACH = 6.0
 """Standard deviations beyond which heat doesn't spread."""
+NOWHERE = 1e-9
+"""Part of the largest area in a cell below which it is the smoothing's rounding."""
 
 
 @lru_cache(maxsize=4)
@@ -54,8 +57,20 @@ def _spread_heat(sensor: Sensor, protocol: Protocol, spread_m: float) -> Array:
     cell = tuple(np.rint((place_m - low_m) / CELL_M).astype(int).T)
     np.add.at(area, cell, area_m2)
     np.add.at(heat, cell, area_m2 * power)
-    area, heat = (gaussian_filter(one, spread_m / CELL_M, mode="constant", truncate=REACH) for one in (area, heat))
-    found = heat / np.where(area > 0, area, 1.0)
-    empty = np.argwhere(area <= 0)
-    found[area <= 0] = power[cKDTree(place_m).query(low_m + CELL_M * empty)[1]]
+    area, heat = _spread(np.stack([area, heat]), spread_m / CELL_M)
+    bare = area <= NOWHERE * area.max()
+    found = heat / np.where(bare, 1.0, area)
+    found[bare] = power[cKDTree(place_m).query(low_m + CELL_M * np.argwhere(bare))[1]]
     return found
+
+
+def _spread(grids: Array, cells: float) -> Array:
+    """(n,X,Y) grids smoothed by a Gaussian of this many cells (rms), with nothing around them."""
+    shape = grids.shape[1:]
+    padded = [next_fast_len(n + int(np.ceil(REACH * cells)), real=True) for n in shape]
+    along = [
+        np.exp(-2.0 * (np.pi * cells * frequency(n)) ** 2)
+        for n, frequency in zip(padded, (fftfreq, rfftfreq), strict=True)
+    ]
+    spectrum = rfft2(grids, padded) * np.multiply.outer(*along)
+    return np.asarray(irfft2(spectrum, padded)[:, : shape[0], : shape[1]])

@@ -40,7 +40,8 @@ class WarmLoad(PiezoEffect):
         extent_m: Array,
         wanted: NDArray[np.intp] | None = None,
     ) -> Array | float:
-        touching = 1.0 - np.exp2(-np.maximum(pressure_pa, 0.0) / TOUCHING_PA)
+        touching, pressed = np.zeros_like(pressure_pa), pressure_pa.any(axis=1)
+        touching[pressed] = 1.0 - np.exp2(-np.maximum(pressure_pa[pressed], 0.0) / TOUCHING_PA)
         warm = lagging(touching, time_s, np.array([self.lasts_s]), None, moves_s=moves_within_s(time_s))
         return np.asarray(np.exp(self.rise * (warm if wanted is None else warm[wanted])))
 

@@ -59,6 +59,38 @@ def test_stiffening_solves_the_series_exactly() -> None:
     np.testing.assert_allclose(force[touched], PAD * sink * (1 + 0.7 * (sink / FOAM_M) ** 2), rtol=1e-5)
 
 
+SOFT_SUPPORT = 2500.0
+LOSSES = [
+    FoamHysteresis(loss=0.2),
+    FoamHysteresis(loss=0.2, reversal=0.02),
+    FoamSoftening(excess=0.5, scale=0.05, driven_by="energy", kept=0.2),
+    FoamSoftening(excess=0.5, scale=0.2, driven_by="work"),
+]
+
+
+@pytest.mark.parametrize("effect", LOSSES, ids=str)
+def test_what_is_lost_on_the_way_is_in_balance_with_the_support(effect: FoamHysteresis | FoamSoftening) -> None:
+    history = presses(3)
+    force = foam_force_n(history, PAD, SOFT_SUPPORT, FOAM_M, [effect])[:, 0]
+    touched = history.touched[:, 0]
+    sink = np.where(touched, np.nan_to_num(history.depth_m[:, 0]) - force / SOFT_SUPPORT, 0.0)
+    assert sink.min() >= 0
+    strokes = Strokes(sink, PAD * sink, history.time_s, touched, history.spot[:, 0], history.press, FOAM_M)
+    np.testing.assert_allclose(effect.reaction_n(PAD * sink, strokes)[touched], force[touched], atol=1e-5)
+
+
+def test_foam_on_the_edge_of_the_virgin_curve_stays_there() -> None:
+    """On it the foam is stiffer and sinks less than it has, below it softer and sinks more: it sinks as it has."""
+    history = presses(2)
+    effect = FoamSoftening(excess=0.5, presses=0.5)
+    force = foam_force_n(history, PAD, SOFT_SUPPORT, FOAM_M, [effect])[:, 0]
+    sink = (history.depth_m[:, 0] - force / SOFT_SUPPORT).reshape(2, -1)
+    first, again = sink[:, 8]
+    assert again == pytest.approx(first, abs=1e-9)
+    seen_before = PAD * first * (1 + 0.5 * np.exp(-1 / 0.5))
+    assert seen_before < force.reshape(2, -1)[1, 8] <= PAD * first * 1.5 + 1e-4
+
+
 def test_viscoelastic_force_relaxes_to_the_elastic_one() -> None:
     history = presses(1, hold_s=500.0)
     force = foam_force_n(history, PAD, SUPPORT, FOAM_M, [ViscoelasticFoam(fraction=0.3, time_s=5.0)])[:, 0]

@@ -80,15 +80,24 @@ def warmth_at_rest(
 
 
 def _starts(evidence: Evidence) -> Iterator[Start]:
-    """Every form, one that is freed once among them, in which a sheet that changes with time shows at rest by what
-    resistor networks explain."""
+    """Every form, those freed once among them, in which a sheet changes unevenly with time and resistor networks show
+    it."""
     for kind in effects_shown_by(Signal.REST):
         if not (issubclass(kind, SheetEffect) and Axis.TIME in kind.hypothesis.axes):
             continue
         for start in kind.reading_starts(evidence.sensor, evidence.protocol):
             if start.reciprocal or not shown_by(kind, Signal.NONRECIPROCAL):
-                yield start
-                yield from (replace(form, along=start.along) for form in start.effect.freer(start.free))
+                freed = (replace(form, along=start.along) for form in start.effect.freer(start.free))
+                yield from (
+                    (start,) if _uneven(start, evidence) else (form for form in freed if _uneven(form, evidence))
+                )
+
+
+def _uneven(start: Start, evidence: Evidence) -> bool:
+    known = start.effect.parameters()
+    typical = {key: known[key].typical for key in start.free if known[key].defining or known[key].neutral == 0.0}
+    effect, middle_m = cast(SheetEffect, start.effect.changed(typical)), evidence.sensor.extent_m.mean(axis=0)
+    return effect.warmth(middle_m[None], evidence.history.time_s[:1], evidence.sensor, evidence.protocol) is not None
 
 
 def _heated_scans(skin: Skin, evidence: Evidence, rows: NDArray[np.bool_]) -> Callable[[SheetEffect], Array]:
