@@ -363,8 +363,9 @@ class Skin:
             voltage = self._skewed_v(history, skews[0], force_n, wanted)
         else:
             voltage = self.protocol.readings(self.pair_resistance_ohm(history, force_n, wanted))
+        time_s = history.time_s if wanted is None else history.time_s[wanted]
         for effect in sorted(_of(self.effects, AcquisitionEffect), key=lambda e: e.order):
-            voltage = effect.distorted_v(voltage, self.protocol)
+            voltage = effect.read_v(voltage, self.protocol, time_s)
         return voltage
 
     def _skewed_v(

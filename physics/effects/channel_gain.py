@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
+
+import numpy as np
 
 from ertskin.physics.effects.effect import AcquisitionEffect, Array, Start, parameter
 from ertskin.physics.effects.hypothesis import Axis, Hypothesis, Measured, Need, Signal
@@ -11,11 +13,14 @@ from ertskin.physics.effects.standard import Standard
 from ertskin.physics.protocol import Protocol
 from ertskin.physics.sensor import Sensor
 
+STATED_S = 200.0
+"""Into the recording, when the gain is stated."""
+
 
 @dataclass(frozen=True)
 class ChannelGain(AcquisitionEffect):
-    """Reading column ``channel`` times 1 + ``gain`` plus ``offset_v``; a gain that drifts as the amplifier warms is
-    told by its mean, and leaves what changes with time."""
+    """Reading column ``channel`` times 1 + c ``gain`` plus c ``offset_v``, c = 1 - ``cold`` exp(-t/``warms_s``): an
+    amplifier that warms comes to its gain, t counted from the recording's first frame."""
 
     name: ClassVar[str] = "channel_gain"
     source: ClassVar[str] = "Gain and offset error of an amplifier or multiplexer branch"
@@ -31,6 +36,11 @@ class ChannelGain(AcquisitionEffect):
     channel: int = 0
     gain: float = parameter("1", -0.5, 0.5, 0.0, 0.01, "relative gain error")
     offset_v: float = parameter("V", -1.0, 1.0, 0.0, 1e-3, "offset")
+    cold: float = parameter("1", -3.0, 3.0, 0.0, 0.1, "part of both that isn't there at the beginning", defining=False)
+    warms_s: float = parameter("s", 10.0, 2e4, 200.0, 50.0, "time constant of its coming", defining=False)
+
+    def course(self, time_s: Array) -> Array | None:
+        return 1.0 - self.cold * np.exp(-time_s / self.warms_s) if self.cold else None
 
     def distorted_v(self, voltage_v: Array, protocol: Protocol) -> Array:
         voltage = voltage_v.copy()
@@ -39,8 +49,9 @@ class ChannelGain(AcquisitionEffect):
         return voltage
 
     def quantities(self, standard: Standard) -> dict[str, float]:
-        """The gain, less one."""
-        return {"gain_less_one": self.gain}
+        """The gain 200 s after the recording's first frame, less one."""
+        part = self.course(np.array([STATED_S]))
+        return {"gain_less_one": self.gain if part is None else float(self.gain * part[0])}
 
     @classmethod
     def reading_starts(cls, sensor: Sensor, protocol: Protocol) -> tuple[Start, ...]:
@@ -48,3 +59,10 @@ class ChannelGain(AcquisitionEffect):
         return tuple(
             Start(cls(channel, **{key: 0.01}), both, (key,)) for channel in range(protocol.shape[1]) for key in both
         )
+
+    def freer(self, free: tuple[str, ...]) -> tuple[Start, ...]:
+        """An amplifier that warms, soon or slowly."""
+        if "cold" in free:
+            return ()
+        warming = (replace(self, cold=0.2, warms_s=warms_s) for warms_s in (100.0, 1000.0))
+        return tuple(Start(one, (*free, "cold", "warms_s")) for one in warming)

@@ -347,6 +347,15 @@ class AcquisitionEffect(Effect):
         """(T,K,M) what the instrument says of readings (T,K,M) in volt."""
         raise NotImplementedError
 
+    def course(self, time_s: Array) -> Array | None:
+        """(T,) part of it that there is at recording time (T,); None for all of it, always."""
+        return None
+
+    def read_v(self, voltage_v: Array, protocol: Protocol, time_s: Array) -> Array:
+        """(T,K,M) what the instrument says of readings (T,K,M) in volt at times (T,)."""
+        read, part = self.distorted_v(voltage_v, protocol), self.course(time_s)
+        return read if part is None else voltage_v + part[:, None, None] * (read - voltage_v)
+
     def scaled_to(self, largest_v: float) -> Self:
         """The same where no reading is larger than ``largest_v``, either sign: an effect that isn't linear is told by
         how large readings are."""

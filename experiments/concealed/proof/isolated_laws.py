@@ -455,17 +455,17 @@ def instrument(kind: type[Form], skin: Skin) -> float:
     # Nothing but a gain depends on time.
     scans = scans[::THINNED] if isinstance(form, GainAndOffset) else scans[:1]
     said = np.array([form.voltage(voltage, moment.frame, moment.time_s) for moment in scans])
-    true = np.broadcast_to(voltage, said.shape)
+    true, time_s = np.broadcast_to(voltage, said.shape), np.array([moment.time_s for moment in scans])
 
     def missed(effect: Effect | None) -> Array:
         def read(voltage_v: Array) -> Array:
             if effect is None:
                 return voltage_v
             scaled = cast(AcquisitionEffect, effect).scaled_to(float(np.abs(voltage).max()))
-            return scaled.distorted_v(voltage_v, seen[1])
+            return scaled.read_v(voltage_v, seen[1], time_s)
 
         out = read(true)
-        taken = (read(true + changes[:, None]) - out).reshape(len(changes), -1)
+        taken = np.array([read(true + change) - out for change in changes]).reshape(len(changes), -1)
         wrong = np.ravel(out - said)
         return np.asarray(wrong - np.linalg.lstsq(taken @ taken.T, taken @ wrong, rcond=None)[0] @ taken)
 

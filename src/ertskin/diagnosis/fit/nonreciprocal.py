@@ -42,6 +42,7 @@ class AcquisitionSignal:
         self.evidence = evidence
         self.linear = linear
         self.rows = rows
+        self.time_s = linear.history.time_s[linear.wanted]
         self._maps: dict[AcquisitionEffect, tuple[Array, Array]] = {}
 
     def scans(self, skin: Skin) -> Array:
@@ -53,15 +54,17 @@ class AcquisitionSignal:
         if all(effect.linear for effect in effects):
             for effect in effects:
                 matrix, offset = self._map(effect)
-                scans = scans @ matrix.T + offset
+                read, part = scans @ matrix.T + offset, effect.course(self.time_s)
+                scans = read if part is None else scans + part[:, None] * (read - scans)
             return scans
-        return np.concatenate([self._read(scans[k : k + CHUNK], effects) for k in range(0, len(scans), CHUNK)])
+        chunks = (slice(k, k + CHUNK) for k in range(0, len(scans), CHUNK))
+        return np.concatenate([self._read(scans[chunk], effects, self.time_s[chunk]) for chunk in chunks])
 
-    def _read(self, scans: Array, effects: Sequence[AcquisitionEffect]) -> Array:
+    def _read(self, scans: Array, effects: Sequence[AcquisitionEffect], time_s: Array) -> Array:
         """The same by way of all readings, which is what an effect that isn't linear takes."""
         protocol = self.evidence.protocol
         readings = (scans @ protocol.orthonormal.T).reshape(-1, *protocol.shape)
-        change = self._as_read(readings, effects) - readings
+        change = self._as_read(readings, effects, time_s) - readings
         return np.asarray(scans + change.reshape(len(scans), -1) @ protocol.orthonormal)
 
     def derivatives(self, skin: Skin, moved: Sequence[Skin]) -> tuple[Array, Array]:
@@ -73,29 +76,36 @@ class AcquisitionSignal:
         for first in range(0, len(scans), CHUNK):
             part = slice(first, first + CHUNK)
             readings = (scans[part] @ basis.T).reshape(-1, *protocol.shape)
-            for k, change in enumerate(self._changes(readings, skin, moved)):
+            for k, change in enumerate(self._changes(readings, skin, moved, self.time_s[part])):
                 met = np.flatnonzero(change.any(axis=0))
                 found[part, :, k] = change[:, met] @ basis[met]
         beyond = np.zeros((len(self.rows), len(basis), len(moved)))
         taken = self.evidence.leftover_v[self.rows].reshape(beyond.shape[:2]) != 0
-        for k, change in enumerate(self._changes(self.readings(skin), skin, moved)):
+        for k, change in enumerate(self._changes(self.readings(skin), skin, moved, self.time_s[self.rows])):
             beyond[..., k] = np.where(taken, self._unexplained(change) / self.evidence.leftover_noise_v, 0.0)
         return found, beyond
 
-    def _changes(self, readings: Array, skin: Skin, moved: Sequence[Skin]) -> Iterator[Array]:
-        """(n,K*M) what the instrument of each of the ``moved`` skins makes of a network's readings (n,K,M), less what
-        the skin's own makes of them."""
-        own = self._as_read(readings, instruments(skin.effects))
+    def _changes(self, readings: Array, skin: Skin, moved: Sequence[Skin], time_s: Array) -> Iterator[Array]:
+        """(n,K*M) what the instrument of each of the ``moved`` skins makes of a network's readings (n,K,M) at times
+        (n,), less what the skin's own makes of them."""
+        own = self._as_read(readings, instruments(skin.effects), time_s)
         for other in moved:
-            yield (self._as_read(readings, instruments(other.effects)) - own).reshape(len(readings), -1)
+            yield (self._as_read(readings, instruments(other.effects), time_s) - own).reshape(len(readings), -1)
 
     def on_columns(self, skin: Skin) -> Array | None:
         """(P,P) what the instrument makes of a change of whitened scans, None where it leaves them alone.
 
-        That of the mean scan, where the instrument isn't linear.
+        That of the mean scan, where the instrument isn't linear, and at its mean where it changes with time.
         """
-        maps = [self._map(effect)[0] for effect in instruments(skin.effects)]
+        maps = [self._mean_map(effect) for effect in instruments(skin.effects)]
         return reduce(lambda done, matrix: matrix @ done, maps) if maps else None
+
+    def _mean_map(self, effect: AcquisitionEffect) -> Array:
+        matrix, part = self._map(effect)[0], effect.course(self.time_s)
+        if part is None:
+            return matrix
+        untouched = np.eye(len(matrix))
+        return np.asarray(untouched + part.mean() * (matrix - untouched))
 
     def _map(self, effect: AcquisitionEffect) -> tuple[Array, Array]:
         """``on_scans``, remembered: most parameters that a fit moves leave the instrument alone."""
@@ -128,11 +138,11 @@ class AcquisitionSignal:
 
     def leftover(self, skin: Skin) -> Array:
         """(n, K*M) what no network explains of the predicted readings, for the rows n."""
-        return self._unexplained(self._as_read(self.readings(skin), instruments(skin.effects)))
+        return self._unexplained(self._as_read(self.readings(skin), instruments(skin.effects), self.time_s[self.rows]))
 
-    def _as_read(self, readings: Array, effects: Sequence[AcquisitionEffect]) -> Array:
-        """What the effects, in their order, make of a network's readings (n,K,M)."""
-        return reduce(lambda done, effect: effect.distorted_v(done, self.evidence.protocol), effects, readings)
+    def _as_read(self, readings: Array, effects: Sequence[AcquisitionEffect], time_s: Array) -> Array:
+        """What the effects, in their order, make of a network's readings (n,K,M) at times (n,)."""
+        return reduce(lambda done, effect: effect.read_v(done, self.evidence.protocol, time_s), effects, readings)
 
     def _unexplained(self, readings: Array) -> Array:
         """(n, K*M) the part of readings (n,K,M) that no network gives."""
