@@ -61,7 +61,8 @@ class Evidence:
     ``excess_noise`` (P,k): directions, one standard deviation long in units of the noise, in which rest frames scatter
     more; ``traces`` (T,P,m): orthonormal directions, or noughts, that say nothing: places pressed before and not
     recovered.
-    ``criteria``: what is decided by, wherever the evidence goes.
+    ``criteria``: what is decided by, wherever the evidence goes. ``seen_at_rest``: name of the effect that rest frames
+    by themselves clearly show, if one.
     """
 
     sensor: Sensor
@@ -79,6 +80,7 @@ class Evidence:
     repeats: NDArray[np.intp]
     criteria: Criteria = DEFAULT
     leftover_error: float = 0.0
+    seen_at_rest: str | None = None
 
     def frames(self, rows: NDArray[np.intp]) -> Evidence:
         """The evidence of some frames."""

@@ -24,6 +24,7 @@ from ertskin.diagnosis.search.smooth_fields import with_smooth_field
 from ertskin.diagnosis.search.trials import (
     KNOWN,
     Trial,
+    is_worth_a_name,
     residual_count,
     rms_of,
     trials_of,
@@ -221,8 +222,9 @@ class _Search:
 
     def _first_to_enter(self, incumbent: CheckedFit, trials: Sequence[Trial]) -> tuple[Trial, CheckedFit] | None:
         """The first of the trials worth a name that holds where it settles."""
-        least = worth_a_name(incumbent.problem, incumbent.solved)
-        return _first_to_hold(self.build, incumbent, [t for t in trials if t.gain >= least], self.partitions)
+        worth = partial(is_worth_a_name, incumbent.problem, incumbent.solved)
+        likely = [trial for trial in trials if worth(trial.term, trial.gain)]
+        return _first_to_hold(self.build, incumbent, likely, self.partitions)
 
     def _in_anothers_place(self, incumbent: CheckedFit, trials: Sequence[Trial]) -> CheckedFit | None:
         """With a trial's term in the place of one that it may be taken for, where that is likelier; None where none is.
@@ -475,10 +477,9 @@ def _backward(
             rest = [t for i, t in enumerate(current.terms) if i != k]
             without = problem.solve(rest, current.calibration, steps=5, leftover=instrument)
             loss = gained(without, current, partitions, problem.evidence.criteria)
-            least = worth_a_name(problem, current)
-            if loss < least and (dropped is None or loss < dropped[0]):
-                dropped = (loss, without)
             term = current.terms[k]
+            if not is_worth_a_name(problem, current, term, loss) and (dropped is None or loss < dropped[0]):
+                dropped = (loss, without)
             # The instrument's terms gain in every reading, the others in the pairs.
             width = problem.evidence.protocol.orthonormal.shape[0 if shown_by(term.effect, Signal.NONRECIPROCAL) else 1]
             alone = float(np.sqrt(1 + 2 * max(loss, 0.0) / (frames * width / problem.evidence.scan_v.shape[1])))

@@ -65,7 +65,7 @@ def trials_of(
     for listed in _worth_trying(found, present, least, problem.evidence.criteria):
         fitted = _try(problem, current, _different(listed), partitions, left, settle)
         trials = _in_order([*trials, *fitted], current)
-        if trials and trials[0].gain >= least:
+        if trials and is_worth_a_name(problem, current, trials[0].term, trials[0].gain):
             break
     return trials
 
@@ -96,6 +96,14 @@ def worth_a_name(problem: VoltageProblem, current: Solved) -> float:
     """Half chi-square, held out, that a term must gain: what is significant and material."""
     criteria = problem.evidence.criteria
     return max(criteria.significant_gain, material_cost(residual_count(problem), of_scans(current), criteria))
+
+
+def is_worth_a_name(problem: VoltageProblem, current: Solved, term: Term, gain: float) -> bool:
+    """Whether a term gains what it must. What rest frames show by themselves needn't be material: no error in the form
+    of what presses do is there to be mended."""
+    if term.name == problem.evidence.seen_at_rest:
+        return gain >= problem.evidence.criteria.significant_gain
+    return gain >= worth_a_name(problem, current)
 
 
 def _worth_trying(
