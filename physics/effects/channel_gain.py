@@ -34,12 +34,12 @@ class ChannelGain(AcquisitionEffect):
     )
 
     channel: int = 0
-    gain: float = parameter("1", -0.5, 0.5, 0.0, 0.01, "relative gain error")
-    offset_v: float = parameter("V", -1.0, 1.0, 0.0, 1e-3, "offset")
+    gain: float = parameter("1", -0.5, 0.5, 0.0, 0.01, "relative gain error, once warm")
+    offset_v: float = parameter("V", -1.0, 1.0, 0.0, 1e-3, "offset, once warm")
     cold: float = parameter("1", -3.0, 3.0, 0.0, 0.1, "part of both that isn't there at the beginning", defining=False)
     warms_s: float = parameter("s", 10.0, 2e4, 200.0, 50.0, "time constant of its coming", defining=False)
 
-    def course(self, time_s: Array) -> Array | None:
+    def part_at(self, time_s: Array) -> Array | None:
         return 1.0 - self.cold * np.exp(-time_s / self.warms_s) if self.cold else None
 
     def distorted_v(self, voltage_v: Array, protocol: Protocol) -> Array:
@@ -50,7 +50,7 @@ class ChannelGain(AcquisitionEffect):
 
     def quantities(self, standard: Standard) -> dict[str, float]:
         """The gain 200 s after the recording's first frame, less one."""
-        part = self.course(np.array([STATED_S]))
+        part = self.part_at(np.array([STATED_S]))
         return {"gain_less_one": self.gain if part is None else float(self.gain * part[0])}
 
     @classmethod

@@ -347,13 +347,13 @@ class AcquisitionEffect(Effect):
         """(T,K,M) what the instrument says of readings (T,K,M) in volt."""
         raise NotImplementedError
 
-    def course(self, time_s: Array) -> Array | None:
-        """(T,) part of it that there is at recording time (T,); None for all of it, always."""
+    def part_at(self, time_s: Array) -> Array | None:
+        """(T,) part of it that there is at each recording time (T,) by itself; None for all of it, always."""
         return None
 
     def read_v(self, voltage_v: Array, protocol: Protocol, time_s: Array) -> Array:
         """(T,K,M) what the instrument says of readings (T,K,M) in volt at times (T,)."""
-        read, part = self.distorted_v(voltage_v, protocol), self.course(time_s)
+        read, part = self.distorted_v(voltage_v, protocol), self.part_at(time_s)
         return read if part is None else voltage_v + part[:, None, None] * (read - voltage_v)
 
     def scaled_to(self, largest_v: float) -> Self:

@@ -29,7 +29,8 @@ class WarmLoad(PiezoEffect):
 
     rise: float
     lasts_s: float
-    order: ClassVar[int] = 4
+    # Before every memory of the fabric: what touches is the pressure itself, not what a fabric still feels of it.
+    order: ClassVar[int] = -2
     remembers_air: ClassVar[bool] = True
 
     def resistance_factor(
@@ -63,7 +64,9 @@ class TemperatureDrift(SheetEffect):
         (Axis.TIME,), (Signal.READINGS, Signal.REST), (Need.REST_FRAMES,), must_show_at_rest=True
     )
 
-    rate_per_h: float = parameter("1/h", -5.0, 5.0, 0.0, 0.02, "relative change of resistance per hour at the start")
+    rate_per_h: float = parameter(
+        "1/h", -5.0, 5.0, 0.0, 0.02, "relative change of resistance per hour at the start, but for the swing"
+    )
     bend_per_h2: float = parameter("1/h^2", -50.0, 50.0, 0.0, 0.1, "how the rate changes")
     settle_h: float = parameter("h", 0.005, 1000.0, 1000.0, 0.1, "time constant of settling", defining=False)
     swing_sine: float = parameter("1", -1.0, 1.0, 0.0, 2e-3, "logarithm of the resistance, what swings as the sine")

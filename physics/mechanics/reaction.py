@@ -14,6 +14,7 @@ Array = NDArray[np.float64]
 
 _ROUNDS = 60
 _CLOSE_N = 1e-6
+_SMALL_N = 1e-4
 _SLOPES = 0.2, 5.0
 """Range of a secant's slope over the elastic pad's; outside it the elastic one is taken."""
 _MENDED = 0.5
@@ -60,37 +61,38 @@ def _column(
     command = np.where(touched, depth[source], 0.0)
     force = command / (1.0 / pad + 1.0 / support)
     if effects:
-        secant = _Secant(1.0 / (1.0 + pad / support), len(force))
+        most_n = np.multiply(support, command, out=np.zeros(len(command)), where=command > 0)
+        secant = _Secant(1.0 / (1.0 + pad / support), most_n)
         for _ in range(_ROUNDS):
             sink = np.where(touched, np.maximum(command - force / support, 0.0), 0.0)
             strokes = Strokes(sink, pad * sink, time_s, touched, place[source], history.press[source], foam_m)
             reaction = pad * sink
             for effect in effects:
                 reaction = effect.reaction_n(reaction, strokes)
-            change = secant.change_n(force, np.where(touched, reaction, 0.0) - force)
-            force = force + change
-            if np.abs(change).max(initial=0.0) < _CLOSE_N:
+            force = force + secant.change_n(force, np.where(touched, reaction, 0.0) - force)
+            if secant.at_rest:
                 break
     return np.where(pressing | (history.phase == Phase.REST), np.maximum(force, 0.0)[real], np.nan)
 
 
 class _Secant:
-    """Steps (N,) towards where an error (N,) in newton is nought, each frame for itself.
+    """Steps (N,) towards where an error (N,) in newton is nought, each frame for itself, between nothing and the most
+    that the support can bear at its depth (N,).
 
     A foam may jump from one curve to another at the deepest it has been: what has met an error of either sign stays in
     between, and goes half the way where a secant won't. Frames before move such a jump: where errors keep their sign,
     what is in between is made wider.
     """
 
-    def __init__(self, elastic: float, count: int) -> None:
-        self.elastic = elastic
+    def __init__(self, elastic: float, most_n: Array) -> None:
+        self.elastic, self.most_n, count = elastic, most_n, len(most_n)
         self._wrong_n, self._change_n = np.zeros(count), np.zeros(count)
         self._below_n, self._above_n = np.full(count, -np.inf), np.full(count, np.inf)
-        self._kept = np.zeros(count, dtype=np.intp)
+        self._force_n, self._kept = np.zeros(count), np.zeros(count, dtype=np.intp)
 
     def change_n(self, force_n: Array, wrong_n: Array) -> Array:
         """(N,) newton, for the error (N,) of the forces (N,) that the last step has led to."""
-        kept = wrong_n * self._wrong_n > 0
+        self._force_n, kept = force_n, wrong_n * self._wrong_n > 0
         self._kept = np.where(kept, self._kept + 1, 0)
         self._bracket(force_n, wrong_n)
         mended = self._wrong_n - wrong_n
@@ -102,11 +104,23 @@ class _Secant:
         jumped = ~kept & (np.abs(wrong_n) > _MENDED * np.abs(self._wrong_n))
         halved = np.isfinite(width) & (jumped | (there <= self._below_n) | (there >= self._above_n))
         there[halved] = 0.5 * (self._below_n[halved] + self._above_n[halved])
-        self._wrong_n, self._change_n = wrong_n, there - force_n
+        self._wrong_n, self._change_n = wrong_n, np.clip(there, 0.0, self.most_n) - force_n
         return self._change_n
 
+    @property
+    def at_rest(self) -> bool:
+        """Whether no force moves any more, and every error is small or has changed its sign of late."""
+        still = np.abs(self._change_n).max(initial=0.0) < _CLOSE_N
+        return bool(still and ((np.abs(self._wrong_n) < _SMALL_N) | (self._kept < _KEPT) | self._held).all())
+
+    @property
+    def _held(self) -> NDArray[np.bool_]:
+        """(N,) forces at an end of what a stage may press with."""
+        force_n = self._force_n + self._change_n
+        return ((force_n <= 0.0) & (self._wrong_n <= 0.0)) | ((force_n >= self.most_n) & (self._wrong_n >= 0.0))
+
     def _bracket(self, force_n: Array, wrong_n: Array) -> None:
-        width = self._above_n - self._below_n
+        width = np.maximum(self._above_n - self._below_n, _SMALL_N)
         self._below_n = np.where(wrong_n > 0, force_n, self._below_n)
         self._above_n = np.where(wrong_n < 0, force_n, self._above_n)
         moved = (self._kept >= _KEPT) & np.isfinite(width)

@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 from small_skin import SMALL, small_law, small_sensor, two_presses
 
+from ertskin.physics.effects.piezo_chain import felt
+from ertskin.physics.effects.piezo_creep import PiezoCreep
 from ertskin.physics.effects.temperature_drift import TemperatureDrift
 from ertskin.physics.protocol import Protocol, electrode_pairs
 from ertskin.physics.skin import Skin
@@ -58,3 +60,14 @@ def test_a_warm_load_warms_where_it_presses_and_leaves_that_behind(skin: Skin) -
     gained = -np.log(np.asarray(part.resistance_factor(pressure, np.zeros((1, 2)), time_s, np.zeros((2, 2))))[:, 0])
     np.testing.assert_allclose(gained, 0.1 * np.array([0.0, 0.0, 0.632, 0.632, 0.2325]), atol=2e-4)
     assert TemperatureDrift(rate_per_h=1.0).in_fabric() is None
+
+
+def test_a_load_is_warm_where_it_touches_though_the_fabric_still_creeps(skin: Skin) -> None:
+    warm, creep = TemperatureDrift(load_rise=-0.05, load_lasts_s=10.0), PiezoCreep(0.1, 30.0, remembers_air=True)
+    time_s = np.arange(0.0, 120.0, 1.0)
+    pressure = np.where(time_s < 40.0, 5e4, 0.0)[:, None]
+    asked = pressure, np.zeros((1, 2)), time_s, np.zeros((2, 2))
+    without, both = felt((creep,), *asked), felt((creep, warm), *asked)
+    np.testing.assert_array_equal(both[0], without[0])
+    assert np.log(both[1])[60, 0] == pytest.approx(-0.05 * np.exp(-2.0), rel=0.15)
+    assert np.log(both[1])[110, 0] == pytest.approx(0.0, abs=1e-4)

@@ -79,6 +79,17 @@ def test_what_is_lost_on_the_way_is_in_balance_with_the_support(effect: FoamHyst
     np.testing.assert_allclose(effect.reaction_n(PAD * sink, strokes)[touched], force[touched], atol=1e-5)
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_no_foam_presses_harder_than_its_support_can_bear(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    history = presses(3)
+    depth_m = np.where(history.touched, rng.uniform(0.0, 4e-3, history.depth_m.shape), np.nan)
+    foam = [NonlinearFoam(stiffening=0.1), FoamHysteresis(loss=0.418, reversal=0.02)]
+    force = foam_force_n(history, 7000.0, 4900.0, FOAM_M, foam, depth_m)
+    assert (force[history.touched] <= 4900.0 * depth_m[history.touched] + 1e-9).all()
+    assert np.nanmin(force) >= 0.0
+
+
 def test_foam_on_the_edge_of_the_virgin_curve_stays_there() -> None:
     """On it the foam is stiffer and sinks less than it has, below it softer and sinks more: it sinks as it has."""
     history = presses(2)

@@ -10,6 +10,9 @@ from ertskin.physics.effects.adc_saturation import AdcSaturation
 from ertskin.physics.effects.channel_gain import ChannelGain
 from ertskin.physics.effects.contact_pressure_dependence import ContactPressureDependence
 from ertskin.physics.effects.crosstalk import Crosstalk
+from ertskin.physics.effects.effect import AcquisitionEffect
+from ertskin.physics.effects.registry import effect_classes
+from ertskin.physics.effects.self_heating import SelfHeating
 from ertskin.physics.effects.sheet_anisotropy import SheetAnisotropy
 from ertskin.physics.effects.temperature_drift import TemperatureDrift
 from ertskin.physics.protocol import Protocol, electrode_pairs
@@ -211,3 +214,37 @@ def test_contacts_may_fall_as_a_power_of_the_load_or_exponentially() -> None:
     np.testing.assert_allclose(fallen(2.0), (1 + 2e-4 * load[0]) ** -0.5)
     np.testing.assert_allclose(fallen(0.0), np.exp(-1e-4 * load[0]))
     np.testing.assert_allclose(fallen(1e-4), fallen(0.0), rtol=1e-3)
+
+
+def every_instrument() -> list[AcquisitionEffect]:
+    """The first start of every effect on the readings, and of its freed forms."""
+    found = []
+    for kind in effect_classes().values():
+        if issubclass(kind, AcquisitionEffect):
+            start = kind.reading_starts(nominal_sensor(), PROTOCOL)[0]
+            freed = [form.effect for form in start.effect.freer(start.free)]
+            found += [effect.scaled_to(200.0) for effect in (start.effect, *freed) if isinstance(effect, kind)]
+    return found
+
+
+@pytest.mark.parametrize("effect", every_instrument(), ids=lambda e: e.name)
+def test_what_an_instrument_says_of_a_frame_hangs_on_no_other(effect: AcquisitionEffect) -> None:
+    voltage = PROTOCOL.readings(np.random.default_rng(0).uniform(100, 200, (5, 10)))
+    time_s, rows = np.array([0.0, 3.0, 5.0, 60.0, 400.0]), np.array([1, 4])
+    whole = effect.read_v(voltage, PROTOCOL, time_s)
+    np.testing.assert_allclose(effect.read_v(voltage[rows], PROTOCOL, time_s[rows]), whole[rows], rtol=1e-12)
+
+
+def test_warmth_within_a_scan_is_whole_in_every_scan() -> None:
+    voltage = PROTOCOL.readings(np.random.default_rng(0).uniform(100, 200, (3, 10)))
+    heating = SelfHeating(rise=0.05)
+    seen = heating.read_v(voltage, PROTOCOL, np.array([0.0, 3.0, 6.0]))
+    np.testing.assert_array_equal(seen, heating.distorted_v(voltage, PROTOCOL))
+
+
+def test_a_gain_comes_as_the_amplifier_warms() -> None:
+    voltage = PROTOCOL.readings(np.random.default_rng(0).uniform(100, 200, (3, 10)))
+    warming = ChannelGain(2, gain=0.1, cold=0.5, warms_s=100.0)
+    seen = warming.read_v(voltage, PROTOCOL, np.array([0.0, 100.0, 1e6]))
+    parts = 1.0 + 0.1 * (1.0 - 0.5 * np.exp([0.0, -1.0, -1e4]))
+    np.testing.assert_allclose(seen[..., 2], parts[:, None] * voltage[..., 2])

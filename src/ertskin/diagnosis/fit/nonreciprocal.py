@@ -54,7 +54,7 @@ class AcquisitionSignal:
         if all(effect.linear for effect in effects):
             for effect in effects:
                 matrix, offset = self._map(effect)
-                read, part = scans @ matrix.T + offset, effect.course(self.time_s)
+                read, part = scans @ matrix.T + offset, effect.part_at(self.time_s)
                 scans = read if part is None else scans + part[:, None] * (read - scans)
             return scans
         chunks = (slice(k, k + CHUNK) for k in range(0, len(scans), CHUNK))
@@ -101,7 +101,7 @@ class AcquisitionSignal:
         return reduce(lambda done, matrix: matrix @ done, maps) if maps else None
 
     def _mean_map(self, effect: AcquisitionEffect) -> Array:
-        matrix, part = self._map(effect)[0], effect.course(self.time_s)
+        matrix, part = self._map(effect)[0], effect.part_at(self.time_s)
         if part is None:
             return matrix
         untouched = np.eye(len(matrix))

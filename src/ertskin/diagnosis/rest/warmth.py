@@ -26,7 +26,8 @@ UNEXPLAINED = 0.2
 SURELY = 3.0
 """Standard deviations of chance above which anything changes."""
 DISTINCT = SURELY**2
-"""Chi-square of what is uneven that warmth takes off where it is seen beside a sheet that changes alike."""
+"""Chi-square of what is uneven, for every number that shapes it, that warmth takes off where it is seen beside a sheet
+that changes alike."""
 
 
 class RestWarmth(NamedTuple):
@@ -64,12 +65,15 @@ def warmth_at_rest(
     if before[0] < chance:
         return nothing
     scans = _heated_scans(skin, evidence, rows)
-    explained = [(_fitted(start, scans, change_v, evidence.noise_v), start.effect) for start in _starts(evidence)]
+    explained = [(_fitted(start, scans, change_v, evidence.noise_v), start) for start in _starts(evidence)]
     if not explained:
         return nothing
-    best, effect = min(explained, key=lambda found: float(excess(change_v - found[0])[0]))
-    left = excess(change_v - best)
-    if before[1] - left[1] < DISTINCT or (left > np.maximum(UNEXPLAINED * before, chance)).any():
+    best, start = min(explained, key=lambda found: float(excess(change_v - found[0])[0]))
+    left, effect = excess(change_v - best), start.effect
+    if (
+        before[1] - left[1] < DISTINCT * max(1, len(set(start.free) - set(start.along)))
+        or (left > np.maximum(UNEXPLAINED * before, chance)).any()
+    ):
         return nothing
     if before[1] < chance:
         # The sheet alike makes nearly all of it, and a search finds that without the rest frames' help; but what one

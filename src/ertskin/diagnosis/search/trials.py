@@ -62,10 +62,10 @@ def trials_of(
     least = worth_a_name(problem, current)
     trials: list[Trial] = []
     present = {term.name for term in current.terms}
-    for listed in _worth_trying(found, present, least, problem.evidence.criteria):
+    for listed in _worth_trying(problem, found, present, least):
         fitted = _try(problem, current, _different(listed), partitions, left, settle)
         trials = _in_order([*trials, *fitted], current)
-        if trials and is_worth_a_name(problem, current, trials[0].term, trials[0].gain):
+        if any(is_worth_a_name(problem, current, trial.term, trial.gain) for trial in trials):
             break
     return trials
 
@@ -107,22 +107,25 @@ def is_worth_a_name(problem: VoltageProblem, current: Solved, term: Term, gain: 
 
 
 def _worth_trying(
-    found: Sequence[Candidate], present: Collection[str], least: float, criteria: Criteria
+    problem: VoltageProblem, found: Sequence[Candidate], present: Collection[str], least: float
 ) -> list[list[Candidate]]:
     """The candidates to fit, each further list where nothing of those before is worth a name.
 
     What no resistor network explains only the instrument can: it comes first. An instrument that would gain less than
     ``least`` wouldn't be named, and doesn't keep the others from their turn. More of one whose name is ``present``
-    comes last: it is what the form error of that one already holds against every other name.
+    comes last: it is what the form error of that one already holds against every other name. What rest frames show is
+    tried wherever it is significant.
     """
+    significant, at_rest = problem.evidence.criteria.significant_gain, problem.evidence.seen_at_rest
+
+    def expected(candidate: Candidate, best: Candidate) -> bool:
+        bar = max(significant, EXPECTED * least, WORTH_TRYING * best.gain)
+        return candidate.gain > (significant if candidate.name == at_rest else bar)
+
     instrument = [c for c in found if c.beyond > least]
     others = [c for c in found if c.beyond <= least and (c.gain > least or not _of_instrument(c.term))]
     new, more = ([c for c in instrument if (c.name in present) is known] for known in (False, True))
-    return [
-        [c for c in alike if c.gain > max(criteria.significant_gain, EXPECTED * least, WORTH_TRYING * alike[0].gain)]
-        for alike in (new, others, more)
-        if alike
-    ]
+    return [[c for c in alike if expected(c, alike[0])] for alike in (new, others, more) if alike]
 
 
 def _of_instrument(term: Term) -> bool:
