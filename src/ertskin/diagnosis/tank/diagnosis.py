@@ -232,7 +232,7 @@ def _claims(protocol: Protocol, scans: tuple[Array, Array, float], errors: Elect
 def _effect(column: ColumnError) -> Effect:
     off = measured_as(Measured.CHANNEL_ERROR)()
     found = {"gain": column.gain, "offset_v": column.offset_v}
-    within = {key: float(np.clip(found[key], known.low, known.high)) for key, known in off.parameters().items()}
+    within = {key: float(np.clip(value, off.known(key).low, off.known(key).high)) for key, value in found.items()}
     return off.changed({"channel": column.channel, **within})
 
 
