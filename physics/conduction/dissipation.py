@@ -24,6 +24,8 @@ LEAST_OHM = 10.0
 CELL_M = 5e-4
 REACH = 6.0
 """Standard deviations beyond which heat doesn't spread."""
+MOST_AROUND = 4
+"""Sheets' lengths of nothing around the sheet: what spreads farther is all but even in any case."""
 NOWHERE = 1e-9
 """Part of the largest area in a cell below which it is the smoothing's rounding."""
 
@@ -67,7 +69,8 @@ def _spread_heat(sensor: Sensor, protocol: Protocol, spread_m: float) -> Array:
 def _spread(grids: Array, cells: float) -> Array:
     """(n,X,Y) grids smoothed by a Gaussian of this many cells (rms), with nothing around them."""
     shape = grids.shape[1:]
-    padded = [next_fast_len(n + int(np.ceil(REACH * cells)), real=True) for n in shape]
+    around = int(min(np.ceil(REACH * cells), MOST_AROUND * max(shape)))
+    padded = [next_fast_len(n + around, real=True) for n in shape]
     along = [
         np.exp(-2.0 * (np.pi * cells * frequency(n)) ** 2)
         for n, frequency in zip(padded, (fftfreq, rfftfreq), strict=True)
