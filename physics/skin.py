@@ -7,12 +7,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property, lru_cache, reduce
+from functools import cached_property, reduce
 from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ertskin.physics.conduction.drifting import DriftedSheets
 from ertskin.physics.conduction.sheet import Resolution, SheetModel, Solution
 from ertskin.physics.effects.effect import (
     AcquisitionEffect,
@@ -41,11 +42,6 @@ numbers by 0.06 of a 2 mV noise; ten times more left out would change them by ha
 PAD_SAMPLES = 7
 UNCHANGED = 1e-5
 """Relative change of conductance, of what presses have left behind, below which there is none."""
-DRIFT_STEP = 0.01
-"""Between such changes of the sheet's logarithm, pair resistances go straight: their bend by the contacts' share makes
-less than a ten-thousandth of a contact."""
-FEW = 0.05
-"""Part of the sheet's elements up to which two solutions in part are quicker than one of the whole."""
 TOGETHER = 2_000_000
 """Pressures, over times and points, held at once where the whole sheet's past is looked at."""
 SKEW_NODES = 4
@@ -211,6 +207,7 @@ class Skin:
         contacts = self.contact_resistances_ohm(history.time_s, self.pad_pressure_pa(contact, forces))
         drift = self.drift(history.time_s)
         resting = self.resting_conductance_s
+        drifted = None if self._tensor else DriftedSheets.of(self._resting, np.log(drift[wanted]))
         left = self._left_behind(history.time_s, contact, forces, wanted)
         warmth = self.warmth(self.sheet.quadrature_m.mean(axis=1), history.time_s, wanted)
         result = np.empty((len(wanted), self.protocol.electrodes * (self.protocol.electrodes - 1) // 2))
@@ -225,7 +222,7 @@ class Skin:
                 if warmth is not None:
                     per_point = np.repeat(np.exp(warmth[row]), self.sheet.weight_m2.shape[1])
                     sheet *= per_point if sheet.ndim == 1 else per_point[:, None]
-                result[row] = self._solved(sheet, contacts[wanted[row]], drift[wanted[row]])
+                result[row] = self._solved(sheet, contacts[wanted[row]], drift[wanted[row]], drifted)
         return result
 
     def pressed_conductance_s(
@@ -314,30 +311,18 @@ class Skin:
         parts = [part for part in found if part is not None]
         return np.sum(parts, axis=0) if parts else None
 
-    def _solved(self, conductance_s: Array, contact_ohm: Array, drift: float) -> Array:
+    def _solved(self, conductance_s: Array, contact_ohm: Array, drift: float, drifted: DriftedSheets | None) -> Array:
         shaped = conductance_s.reshape(*self.sheet.weight_m2.shape, *conductance_s.shape[1:])
         # A sheet resistance times f with contacts z is f times the original sheet with contacts z/f.
-        drifts_alone = drift != 1.0 and np.array_equal(contact_ohm, self.contact_resistance_ohm)
-        if drifts_alone and conductance_s.ndim == 1 and self._mostly_untouched(shaped):
-            return drift * self._drifted(shaped, float(np.log(drift)))
+        same = np.array_equal(contact_ohm, self.contact_resistance_ohm)
+        if drifted is not None and same and drifted.mostly_untouched(shaped):
+            return drift * drifted.pair_resistance_ohm(shaped, float(np.log(drift)))
         contacts = contact_ohm / drift
         if conductance_s.ndim > 1 or not np.array_equal(contacts, self.contact_resistance_ohm):
             return drift * self.sheet.solve(shaped, contacts).pair_resistance_ohm
         if np.array_equal(shaped, self._resting.conductivity_s):
             return drift * self._resting.pair_resistance_ohm
         return drift * self.sheet.solve_again(shaped, self._resting).pair_resistance_ohm
-
-    def _mostly_untouched(self, conductance_s: Array) -> bool:
-        changed = (conductance_s != self._resting.conductivity_s).any(axis=1)
-        return bool(changed.mean() < FEW)
-
-    def _drifted(self, conductance_s: Array, log_drift: float) -> Array:
-        """(P,) pair resistances of a sheet (E,Q) whose contacts are divided by a drift: straight between those of two
-        drifts, for which the untouched sheet is known."""
-        below = int(np.floor(log_drift / DRIFT_STEP))
-        share = log_drift / DRIFT_STEP - below
-        ends = (self.sheet.solve_again(conductance_s, _at_drift(self, below + k)).pair_resistance_ohm for k in (0, 1))
-        return np.asarray(np.average(list(ends), axis=0, weights=(1.0 - share, share)))
 
     @cached_property
     def _resting(self) -> Solution:
@@ -383,13 +368,6 @@ class Skin:
             readings = self.protocol.readings(self.pair_resistance_ohm(history, still * scale, wanted))
             voltage += weights[:, s, None] * readings
         return voltage
-
-
-@lru_cache(maxsize=4)
-def _at_drift(skin: Skin, steps: int) -> Solution:
-    """The untouched sheet with its contacts divided by so many steps of a drift."""
-    contacts = skin.contact_resistance_ohm * np.exp(-DRIFT_STEP * steps)
-    return skin._resting if steps == 0 else skin.sheet.solve(skin._resting.conductivity_s, contacts)
 
 
 def frames_since(event: NDArray[np.bool_], rows: NDArray[np.intp]) -> NDArray[np.intp]:

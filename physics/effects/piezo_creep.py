@@ -13,13 +13,14 @@ from ertskin.physics.effects.effect import Array, PiezoEffect, Start, parameter
 from ertskin.physics.effects.exponential_memory import lagging, moves_within_s
 from ertskin.physics.effects.hypothesis import Axis, Hypothesis, Need, Signal
 from ertskin.physics.effects.standard import Standard
+from ertskin.physics.effects.touching import touching_share
 from ertskin.physics.protocol import Protocol
 from ertskin.physics.sensor import Sensor
 
 STEPS = np.linspace(0.0, 1.0, 6)
 AGREED_PA = 1e4
 SAME = 1e-6
-"""Below it ``power`` and ``unevenness`` are as good as none."""
+"""Below it ``power`` is as good as none."""
 LEAST_LEFT = 1e-3
 """Part of the resistance that no creep takes away."""
 
@@ -104,7 +105,7 @@ class PiezoCreep(PiezoEffect):
     ) -> Array | float:
         if not self.multiplies:
             return 1.0
-        closed = self._closed(pressure_pa)
+        closed = touching_share(pressure_pa, self.half_pa, self.unevenness)
         if self.ages:
             taken_in = closed * np.log1p(contact_age_s(pressure_pa, time_s, self.slip) / self.time_s)
         else:
@@ -127,16 +128,6 @@ class PiezoCreep(PiezoEffect):
         static = np.log(standard.resistance(np.array([0.0, pressure[-1]])))
         risen = int(np.searchsorted(time_s, rise_s))
         return {"share_crept": float((log[risen] - log[-1]) / (static[0] - static[1]))}
-
-    def _closed(self, pressure_pa: Array) -> Array:
-        """(T,N) share of the gaps that close under a pressure."""
-        closed, pressed = np.zeros_like(pressure_pa), pressure_pa.any(axis=1)
-        halves = np.maximum(pressure_pa[pressed], 0.0) / self.half_pa
-        if self.unevenness < SAME:
-            closed[pressed] = 1.0 - np.exp2(-halves)
-        else:
-            closed[pressed] = 1.0 - (1.0 + (2**self.unevenness - 1.0) * halves) ** (-1 / self.unevenness)
-        return closed
 
     def _taken_in(self, drive: Array, pressure_pa: Array, time_s: Array) -> Array:
         """(T,N) mean of what has followed the drive (T,N) with each time constant."""

@@ -136,9 +136,16 @@ def test_help_is_there_at_once():
 
 
 def test_doctor_answers_at_once(shared_data):
-    # Three times as long as its imports, a second where those take a third of one; scipy or torch would show.
+    # Three to four times as long as its imports, a second where those take a third of one.
     recording = shared_data / "recordings" / "rig_a_train.h5"
     assert command_s("doctor", f"recording={recording}") < 5 * light_imports_s()
+
+
+def test_doctor_needs_none_of_the_heavy_packages(shared_data):
+    recording = shared_data / "recordings" / "rig_a_train.h5"
+    code = f"import sys; from ertskin import cli; cli.main(['doctor', 'recording={recording}']); print(*sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert not {"torch", "lightning", "mlflow", "scipy", "matplotlib"} & set(done.stdout.splitlines()[-1].split())
 
 
 def test_a_configuration_is_composed_once(monkeypatch, tmp_path, capsys):

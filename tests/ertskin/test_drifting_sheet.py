@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from small_skin import SMALL, small_law, small_sensor, two_presses
 
+from ertskin.physics.conduction.drifting import DriftedSheets
 from ertskin.physics.effects.piezo_chain import felt
 from ertskin.physics.effects.piezo_creep import PiezoCreep
 from ertskin.physics.effects.temperature_drift import TemperatureDrift
@@ -23,10 +24,11 @@ def skin() -> Skin:
     return Skin.build(small_sensor(), scan, small_law(), CONTACTS_OHM, 9000.0, (), SMALL)
 
 
-@pytest.mark.parametrize("rate_per_h", [-2.0, 0.7, 4.9])
-def test_a_drifting_sheet_is_the_sheet_solved_anew(skin: Skin, rate_per_h: float) -> None:
+@pytest.mark.parametrize(("rate_per_h", "shared"), [(-0.8, True), (0.7, True), (1.5, True), (4.9, False)])
+def test_a_drifting_sheet_is_the_sheet_solved_anew(skin: Skin, rate_per_h: float, shared: bool) -> None:
     history, drift = two_presses(), TemperatureDrift(rate_per_h=rate_per_h)
     seen = replace(skin, effects=(drift,)).pair_resistance_ohm(history)
+    assert (DriftedSheets.of(skin._resting, np.log(drift.drift(history.time_s))) is not None) is shared
     for row, factor in enumerate(drift.drift(history.time_s)):
         contacts = skin.contact_resistance_ohm / factor
         other = replace(skin, contact_resistance_ohm=contacts)

@@ -78,8 +78,13 @@ def _diagnose(
     report(0.04, "calibrating at rest, fitting force and depth")
     baseline = calibrated(recording, evidence, resolution)
     noise = baseline.noise
-    evidence = replace(evidence, noise_v=noise.rms_v, excess_noise=noise.excess_noise)
-    evidence = replace(evidence, traces=baseline.traces, seen_at_rest=baseline.warmth)
+    evidence = replace(
+        evidence,
+        noise_v=noise.rms_v,
+        excess_noise=noise.excess_noise,
+        traces=baseline.traces,
+        seen_at_rest=baseline.warmth,
+    )
     fitted, held = fitted_and_held(evidence)
     family = SkinFamily(baseline.skin, resolution)
     selection = _selected(evidence, baseline, family, fitted, selector, report)

@@ -90,6 +90,20 @@ def test_no_foam_presses_harder_than_its_support_can_bear(seed: int) -> None:
     assert np.nanmin(force) >= 0.0
 
 
+@pytest.mark.parametrize("seed", range(6))
+def test_two_effects_of_foam_come_to_rest_to_a_millinewton(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    rng = np.random.default_rng(seed)
+    every = [
+        ViscoelasticFoam(fraction=rng.uniform(0.0, 0.3), time_s=rng.uniform(0.5, 20.0)),
+        FoamHysteresis(loss=rng.uniform(0.0, 0.3)),
+        FoamSoftening(excess=rng.uniform(0.0, 0.4), kept=rng.uniform(), presses=rng.uniform(0.2, 2.0)),
+    ]
+    history, foam = presses(4, places=2), [every[k] for k in rng.choice(3, 2, replace=False)]
+    force = foam_force_n(history, PAD, SOFT_SUPPORT, FOAM_M, foam)
+    monkeypatch.setattr("ertskin.physics.mechanics.reaction._ROUNDS", 150)
+    np.testing.assert_allclose(foam_force_n(history, PAD, SOFT_SUPPORT, FOAM_M, foam), force, atol=1e-3)
+
+
 def test_foam_on_the_edge_of_the_virgin_curve_stays_there() -> None:
     """On it the foam is stiffer and sinks less than it has, below it softer and sinks more: it sinks as it has."""
     history = presses(2)

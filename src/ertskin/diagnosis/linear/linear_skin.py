@@ -291,8 +291,8 @@ class LinearSkin:
     def _warmed(self, skin: Skin) -> Array | None:
         """(n,P) change of the scans by what comes and goes in the sheet, to first order about what is usual there; None
         for none."""
-        somewhere = self._points[:1]
-        if all(one.warmth(somewhere, self.history.time_s, self.wanted) is None for one in (skin, self.skin)):
+        somewhere = self._points[:1], self.history.time_s[:1], np.zeros(1, dtype=np.intp)
+        if all(one.warmth(*somewhere) is None for one in (skin, self.skin)):
             return None
         nodes, columns, _ = self._everywhere
         warmth = skin.warmth(nodes, self.history.time_s, self.wanted)
