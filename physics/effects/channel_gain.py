@@ -19,8 +19,10 @@ STATED_S = 200.0
 
 @dataclass(frozen=True)
 class ChannelGain(AcquisitionEffect):
-    """Reading column ``channel`` times 1 + c ``gain`` plus c ``offset_v``, c = 1 - ``cold`` exp(-t/``warms_s``): an
-    amplifier that warms comes to its gain, t counted from the recording's first frame."""
+    """Reading column ``channel`` times 1 + c ``gain`` plus c ``offset_v``; c comes to 1 as the amplifier warms.
+
+    c = 1 - ``cold`` exp(-t/``warms_s``), t counted from the recording's first frame.
+    """
 
     name: ClassVar[str] = "channel_gain"
     source: ClassVar[str] = "Gain and offset error of an amplifier or multiplexer branch"

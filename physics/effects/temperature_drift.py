@@ -51,10 +51,10 @@ class WarmLoad(PiezoEffect):
 
 @dataclass(frozen=True)
 class TemperatureDrift(SheetEffect):
-    """Sheet resistance times exp(d(t) (1 + g . r)), pressed or not; t counts from 0, r (2,) from the sheet's middle,
-    one at its ends.
+    """Sheet resistance times exp(d(t) (1 + g . r)), of a room that settles or swings, uneven over the sheet.
 
-    d(t) = rate s(t) + bend t^2 + sine sin(2 pi t/period) + cosine (cos(2 pi t/period) - 1), with
+    t counts from the recording's first frame, r (2,) from the sheet's middle, one at its ends, and
+    d(t) = rate s(t) + bend t^2 + sine sin(2 pi t/period) + cosine (cos(2 pi t/period) - 1),
     s(t) = settle (1 - exp(-t/settle)): a room that comes to rest; with a long time to settle it is t itself. A room
     whose heating or draught comes and goes swings; one side of a sheet may be nearer to it than the other. What presses
     may be warmer or colder than the sheet as well (``WarmLoad``).

@@ -94,7 +94,8 @@ def _about(claim: Claim) -> str:
     """What the effect is in plain words, then its form and what that rests on."""
     kind = type(claim.effect)
     summary = (sys.modules[kind.__module__].__doc__ or "").splitlines()[0]
-    form = (kind.__doc__ or "").splitlines()[0].replace("``", "").rstrip(".")
+    paragraph = " ".join((kind.__doc__ or "").split("\n\n")[0].split())
+    form = paragraph.split(". ")[0].replace("``", "").rstrip(".")
     return f"{summary} {form} ({claim.effect.source})."
 
 

@@ -15,9 +15,11 @@ from ertskin.diagnosis.judge.axis_tests import AxisTest, axis_tests
 from ertskin.diagnosis.judge.quantities import field_map
 from ertskin.diagnosis.judge.result import Findings
 from ertskin.diagnosis.output.figures import figures, write_figures
-from ertskin.diagnosis.output.report import write_report
+from ertskin.diagnosis.output.report import _about, write_report
 from ertskin.hardware.virtual.bench.nominal import nominal_protocol, nominal_sensor
+from ertskin.physics.effects.effect import Effect
 from ertskin.physics.effects.indenter_offset import IndenterOffset
+from ertskin.physics.effects.registry import effect_classes
 from ertskin.physics.effects.sheet_inhomogeneity import SheetInhomogeneity
 from ertskin.physics.history import History
 from ertskin.report.words import words_of
@@ -124,3 +126,13 @@ def test_what_has_no_figures_is_a_page_all_the_same(tmp_path: Path) -> None:
     assert "cannot tell" in text
     assert "no protocol" in text
     assert "<img" not in text
+
+
+@pytest.mark.parametrize("kind", effect_classes().values(), ids=lambda kind: kind.name)
+def test_what_an_effect_is_is_said_in_whole_sentences(kind: type[Effect]) -> None:
+    said = _about(Claim(kind(), 0.9, 2.0, {}))
+    form = said.removesuffix(f" ({kind.source}).")
+    assert form != said
+    whole = " ".join((kind.__doc__ or "").replace("``", "").split())
+    assert f"{form.split('. ', 1)[1]}." in whole or f"{form.split('. ', 1)[1]}. " in whole
+    assert not form.endswith((",", " and", " an", ":"))
