@@ -8,16 +8,12 @@ from dataclasses import dataclass
 from ertskin.diagnosis.fit.full_solution_check import CheckedFit, Problem
 from ertskin.diagnosis.fit.joint_fit import Solved, Term, VoltageProblem
 from ertskin.diagnosis.fit.nonreciprocal import acquires
-from ertskin.diagnosis.linear.calibration_vector import Calibration
 from ertskin.diagnosis.search.gain import freedom, gained
 from ertskin.diagnosis.search.settling import refined, where_it_settles
 from ertskin.diagnosis.search.trials import Trial
 
 MENDED = 1.5
 """Times the half chi-square at hand up to which freeing its forms may make a swap the likelier one."""
-
-FEW_STEPS, HOPELESS = 4, 4.0
-"""Steps after which a swap that is so many times less likely than what is at hand isn't fitted further."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,15 +68,7 @@ def _swaps(incumbent: CheckedFit, trials: Sequence[Trial], fixed: int) -> Iterat
                 # Scans and what no network explains count on both sides, or on none.
                 both = acquires(current.effects) or acquires([one.effect for one in rest])
                 present = _counting(problem, current, both)
-                yield _Swap(present, term, _swapped(problem, rest, trial.solved.calibration, present))
-
-
-def _swapped(problem: VoltageProblem, terms: Sequence[Term], start: Calibration, present: Solved) -> Solved:
-    """The fit of a swap, to its end only where a few steps come near the fit at hand."""
-    begun = problem.solve(terms, start, steps=FEW_STEPS, leftover=present.leftover)
-    if begun.cost > HOPELESS * present.cost:
-        return begun
-    return problem.solve(begun.terms, begun.calibration, leftover=present.leftover)
+                yield _Swap(present, term, problem.solve(rest, trial.solved.calibration, leftover=both))
 
 
 def _counting(problem: VoltageProblem, solved: Solved, leftover: bool) -> Solved:
