@@ -22,7 +22,8 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 Flags = NDArray[np.bool_]
 
-BLOCK = 4  # pivots eliminated together, rows updated together
+TOGETHER = 3  # pivots eliminated together
+BLOCK = 4  # rows substituted together
 
 
 @dataclass(frozen=True, eq=False)
@@ -246,55 +247,50 @@ def _eliminate(  # type: ignore[no-untyped-def]
 def _partial_cholesky(a, pivots):  # type: ignore[no-untyped-def]
     """Eliminate the first pivots of the upper triangle in place: rows of U, then what remains."""
     size = len(a)
-    for first in range(0, pivots, BLOCK):
-        last = min(first + BLOCK, pivots)
+    for first in range(0, pivots, TOGETHER):
+        last = min(first + TOGETHER, pivots)
         for k in range(first, last):
             if not a[k, k] > 0.0:
                 return False
             a[k, k] = np.sqrt(a[k, k])
-            scale = 1.0 / a[k, k]
-            row = a[k]
-            for j in range(k + 1, size):
+            row, scale = a[k, k + 1 :], 1.0 / a[k, k]
+            for j in range(len(row)):
                 row[j] *= scale
-            _subtract(a, k, k + 1, k + 1, last)
-        if last - first == BLOCK:
-            whole = last + (size - last) // BLOCK * BLOCK
-            for i in range(last, whole, BLOCK):
-                _subtract_block(a, first, i)
-            for k in range(first, last):
-                _subtract(a, k, k + 1, whole, size)
-        else:
-            for k in range(first, last):
-                _subtract(a, k, k + 1, last, size)
+            for i in range(k + 1, last):
+                _subtract(a, k, i)
+        whole = last + (size - last) // 2 * 2 if last - first == TOGETHER else last
+        for i in range(last, whole, 2):
+            _subtract_block(a, first, i)
+        for k in range(first, last):
+            for i in range(whole, size):
+                _subtract(a, k, i)
     return True
 
 
+# Loops over whole slices, and few enough of them: else the compiler can't tell that no number that is read is one just
+# written, and takes one number at a time.
+
+
 @njit(cache=True, nogil=True, fastmath={"contract"})
-def _subtract(a, first, last, start, stop):  # type: ignore[no-untyped-def]
-    """Take the pivots' products from the rows from ``start`` to ``stop``, pivot by pivot."""
-    for k in range(first, last):
-        u = a[k]
-        for i in range(start, stop):
-            c, row = u[i], a[i]
-            for j in range(i, len(a)):
-                row[j] -= c * u[j]
+def _subtract(a, k, i):  # type: ignore[no-untyped-def]
+    """Take the products of pivot ``k`` from row ``i``."""
+    p, row = a[k, i:], a[i, i:]
+    c = p[0]
+    for j in range(len(row)):
+        row[j] -= c * p[j]
 
 
 @njit(cache=True, nogil=True, fastmath={"contract"})
 def _subtract_block(a, k, i):  # type: ignore[no-untyped-def]
-    """The same for four pivots from ``k`` and four rows from ``i`` at once: each number loaded serves four products."""
-    p, q, r, s = a[k], a[k + 1], a[k + 2], a[k + 3]
-    row0, row1, row2, row3 = a[i], a[i + 1], a[i + 2], a[i + 3]
-    p0, p1, p2, p3 = p[i], p[i + 1], p[i + 2], p[i + 3]
-    q0, q1, q2, q3 = q[i], q[i + 1], q[i + 2], q[i + 3]
-    r0, r1, r2, r3 = r[i], r[i + 1], r[i + 2], r[i + 3]
-    s0, s1, s2, s3 = s[i], s[i + 1], s[i + 2], s[i + 3]
-    for j in range(i, len(a)):
-        pj, qj, rj, sj = p[j], q[j], r[j], s[j]
-        row0[j] -= p0 * pj + q0 * qj + r0 * rj + s0 * sj
-        row1[j] -= p1 * pj + q1 * qj + r1 * rj + s1 * sj
-        row2[j] -= p2 * pj + q2 * qj + r2 * rj + s2 * sj
-        row3[j] -= p3 * pj + q3 * qj + r3 * rj + s3 * sj
+    """The same for three pivots from ``k`` and two rows from ``i`` at once: each number loaded serves several
+    products."""
+    p, q, r = a[k, i:], a[k + 1, i:], a[k + 2, i:]
+    row0, row1 = a[i, i:], a[i + 1, i:]
+    p0, q0, r0, p1, q1, r1 = p[0], q[0], r[0], p[1], q[1], r[1]
+    for j in range(len(row0)):
+        pj, qj, rj = p[j], q[j], r[j]
+        row0[j] = row0[j] - p0 * pj - q0 * qj - r0 * rj
+        row1[j] = row1[j] - p1 * pj - q1 * qj - r1 * rj
 
 
 @njit(cache=True, nogil=True)

@@ -77,8 +77,7 @@ class AcquisitionSignal:
             part = slice(first, first + CHUNK)
             readings = (scans[part] @ basis.T).reshape(-1, *protocol.shape)
             for k, change in enumerate(self._changes(readings, skin, moved, self.time_s[part])):
-                met = np.flatnonzero(change.any(axis=0))
-                found[part, :, k] = change[:, met] @ basis[met]
+                found[part, :, k] = self._whitened(change)
         beyond = np.zeros((len(self.rows), len(basis), len(moved)))
         taken = self.evidence.leftover_v[self.rows].reshape(beyond.shape[:2]) != 0
         for k, change in enumerate(self._changes(self.readings(skin), skin, moved, self.time_s[self.rows])):
@@ -119,11 +118,22 @@ class AcquisitionSignal:
         basis = protocol.orthonormal
         about = self._mean_scan if not effect.linear else np.zeros(basis.shape[1])
         step = NEAR * float(np.abs(about).max()) if about.any() else 1.0
-        readings = (about + step * np.eye(len(about))) @ basis.T
-        mean = effect.distorted_v((about @ basis.T).reshape(1, *protocol.shape), protocol).reshape(-1)
-        moved = effect.distorted_v(readings.reshape(-1, *protocol.shape), protocol).reshape(len(readings), -1) - mean
-        matrix = (moved @ basis).T / step
-        return matrix, mean @ basis - matrix @ about
+        mean = basis @ about
+
+        def change(readings: Array) -> Array:
+            read = effect.distorted_v(readings.reshape(-1, *protocol.shape), protocol)
+            return self._whitened(read.reshape(readings.shape) - readings)
+
+        own = change(mean[None])
+        chunks = (basis[:, k : k + CHUNK] for k in range(0, len(about), CHUNK))
+        moved = np.concatenate([change(mean + step * chunk.T) for chunk in chunks])
+        matrix = np.eye(len(about)) + (moved - own).T / step
+        return matrix, about + own[0] - matrix @ about
+
+    def _whitened(self, readings: Array) -> Array:
+        """(n,P) whitened scans of readings (n,K*M). Most that an effect changes are few."""
+        met = np.flatnonzero(readings.any(axis=0))
+        return np.asarray(readings[:, met] @ self.evidence.protocol.orthonormal[met])
 
     @cached_property
     def largest_v(self) -> float:
@@ -146,9 +156,8 @@ class AcquisitionSignal:
 
     def _unexplained(self, readings: Array) -> Array:
         """(n, K*M) the part of readings (n,K,M) that no network gives."""
-        basis = self.evidence.protocol.orthonormal
         flat = readings.reshape(len(readings), -1)
-        return np.asarray(flat - (flat @ basis) @ basis.T)
+        return np.asarray(flat - self._whitened(flat) @ self.evidence.protocol.orthonormal.T)
 
     def beyond_networks(self, effect: AcquisitionEffect, readings: Array) -> Array:
         """(n, K*M) what an effect adds to readings (n,K,M) that no network gives."""
