@@ -234,12 +234,14 @@ def _distorting(
 ) -> Candidate | None:
     """An effect on the readings (n,K,M), against what no network explains of them (n,K*M), in units of the noise."""
     protocol, noise = problem.evidence.protocol, problem.evidence.leftover_noise_v
-    moved = (effect.distorted_v(readings, protocol) - readings).reshape(len(readings), -1)
+    change = (effect.distorted_v(readings, protocol) - readings).reshape(len(readings), -1)
+    met = np.flatnonzero(change.any(axis=0))
+    moved = change[:, met]
     # The residual has no reciprocal part, so only the pattern's length needs it taken off.
-    along, longest = float((moved * wrong).sum()) / noise, float((moved**2).sum()) / noise**2
+    along, longest = float((moved * wrong[:, met]).sum()) / noise, float((moved**2).sum()) / noise**2
     if longest <= 0 or along**2 * problem.leftover_share < 4.0 * LEAST_LEFTOVER * longest:
         return None
-    square = longest - float(((moved @ protocol.orthonormal) ** 2).sum()) / noise**2
+    square = longest - float(((moved @ protocol.orthonormal[met]) ** 2).sum()) / noise**2
     gain, share = _one_column(along, square, problem.leftover_share)
     (key,) = start.along
     known, size = effect.parameters()[key], float(getattr(effect, key))
