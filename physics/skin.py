@@ -135,7 +135,7 @@ class Skin:
     def _spots(self, contact_m: Array, force_n: Array) -> tuple[Array, Array]:
         """Places (S,2) that are pressed, and the force (T,S) in newton that the sheet feels at each."""
         felt_n = self.felt_n(force_n)
-        touching = np.isfinite(contact_m).all(axis=-1) & (np.nan_to_num(felt_n) > 0)
+        touching = np.isfinite(contact_m).all(axis=-1) & (felt_n > 0)
         # As complex numbers places are sorted at once.
         known, number = np.unique(contact_m[touching] @ (1, 1j), return_inverse=True)
         spots = np.stack([known.real, known.imag], axis=-1)
@@ -400,7 +400,7 @@ def lagrange_weights(nodes: Array, where: Array) -> Array:
 
 
 def _present(contact_m: Array, force_n: Array) -> NDArray[np.bool_]:
-    return np.asarray(np.isfinite(contact_m).all(axis=-1) & (np.nan_to_num(force_n) > 0))
+    return np.asarray(np.isfinite(contact_m).all(axis=-1) & (force_n > 0))
 
 
 def _groups(contact_m: Array, force_n: Array) -> Iterable[NDArray[np.intp]]:

@@ -43,13 +43,14 @@ class NonlinearFoam(FoamEffect):
     def felt_n(self, force_n: Array, pad_n_per_m: float, foam_m: float) -> Array:
         if self.carried == 0 or self.stiffening == 0 or not np.isfinite(pad_n_per_m):
             return force_n
-        linear, most_n = np.array(np.nan_to_num(force_n), dtype=float), np.inf
+        known_n, most_n = np.where(np.isfinite(force_n), force_n, 0.0), np.inf
+        linear = known_n
         if self.stiffening < 0:
             # Foam that softens gives way beyond the force at which its own falls: no linear force has more than that.
             most_n = pad_n_per_m * foam_m * (-1 / ((1 + self.exponent) * self.stiffening)) ** (1 / self.exponent)
         for _ in range(NEWTON_STEPS):
             added = self.stiffening * (linear / (pad_n_per_m * foam_m)) ** self.exponent
-            wrong = linear * (1 + added) - np.nan_to_num(force_n)
+            wrong = linear * (1 + added) - known_n
             linear = np.clip(linear - wrong / np.maximum(1 + (1 + self.exponent) * added, 0.1), 0.0, most_n)
         return force_n - self.carried * (force_n - linear)
 

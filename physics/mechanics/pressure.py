@@ -73,12 +73,7 @@ class InterfacePressure:
 
     def at(self, offset_m: Array) -> Array:
         """(...,) Pa/N at offsets (...,2) in metre from the indenter's axis."""
-        offset = np.asarray(offset_m, dtype=float)
-        x, y = offset[..., 0], offset[..., 1]
-        total = np.zeros(offset.shape[:-1])
-        for px, py in self.points_m:
-            total += self.kernel.at((x - px) ** 2 + (y - py) ** 2)
-        return total / len(self.points_m)
+        return self.kernel.mean_around(self.points_m, offset_m)
 
     def gradient(self, offset_m: Array) -> Array:
         """(...,2) derivative of ``at`` with respect to the offset, in Pa/N/m."""

@@ -44,6 +44,13 @@ class RadialKernel:
         """(...,) the field at squared distances (...,) in square metre."""
         return self._interpolate(self.value, squared_m2)
 
+    def mean_around(self, point_m: Array, offset_m: Array) -> Array:
+        """(...,) the mean of the fields around points (P,2), at offsets (...,2) in metre."""
+        offset = np.asarray(offset_m, dtype=float)
+        flat = np.ascontiguousarray(offset.reshape(-1, 2))
+        found = _looked_up_around(self.value, np.asarray(point_m, dtype=float), flat, (_ENTRIES - 1) / self.radius_m**2)
+        return np.asarray(found / len(point_m)).reshape(offset.shape[:-1])
+
     def derivative(self, squared_m2: Array) -> Array:
         """(...,) df/d(r^2) at squared distances (...,) in square metre."""
         return self._interpolate(self.slope, squared_m2)
@@ -57,7 +64,22 @@ class RadialKernel:
 def _looked_up(table, squared, per_entry):  # type: ignore[no-untyped-def]
     found = np.empty_like(squared)
     for n in range(len(squared)):
-        position = min(squared[n] * per_entry, float(_ENTRIES))
-        entry = int(position)
-        found[n] = table[entry] + (position - entry) * (table[entry + 1] - table[entry])
+        found[n] = _entry(table, squared[n] * per_entry)
     return found
+
+
+@njit(cache=True, nogil=True)
+def _looked_up_around(table, point, offset, per_entry):  # type: ignore[no-untyped-def]
+    found = np.zeros(len(offset))
+    for n in range(len(offset)):
+        for p in range(len(point)):
+            x, y = offset[n, 0] - point[p, 0], offset[n, 1] - point[p, 1]
+            found[n] += _entry(table, (x * x + y * y) * per_entry)
+    return found
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _entry(table, position):  # type: ignore[no-untyped-def]
+    inside = min(position, float(_ENTRIES))
+    entry = int(inside)
+    return table[entry] + (inside - entry) * (table[entry + 1] - table[entry])

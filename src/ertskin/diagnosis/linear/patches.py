@@ -129,7 +129,7 @@ def contact_groups(contact_m: Array, force_n: Array) -> list[Indices]:
 
 def in_contact(contact_m: Array, force_n: Array) -> NDArray[np.bool_]:
     """(T,C) which contacts (T,C,2) press, with forces (T,C) in newton."""
-    return np.asarray(np.isfinite(contact_m).all(axis=-1) & (np.nan_to_num(force_n) > 0))
+    return np.asarray(np.isfinite(contact_m).all(axis=-1) & (force_n > 0))
 
 
 def within(position_m: Array, spots: Array, reach_m: float) -> NDArray[np.bool_]:
