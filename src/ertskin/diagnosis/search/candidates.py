@@ -159,12 +159,12 @@ def _electrodes(problem: VoltageProblem, solved: Solved, partitions: Sequence[Se
     """Displaced electrodes, from the shape derivatives the states hold."""
     sensor, protocol = problem.evidence.sensor, problem.evidence.protocol
     pads = measured_as(Measured.PAD_SHIFT)
-    present = {_number(t.effect) for t in solved.terms if t.name == pads.name}
+    present = {number_of(t.effect) for t in solved.terms if t.name == pads.name}
     base = solved.scan_residual
     specimen = np.zeros(0)
     found = []
     for start in pads.reading_starts(sensor, protocol):
-        if _number(start.effect) in present:
+        if number_of(start.effect) in present:
             continue
         columns = displacement_columns(problem, start)
         extra = np.zeros((0, len(start.along)))
@@ -197,7 +197,7 @@ def _way(effect: ElectrodeEffect, key: str, sensor: Sensor) -> Array:
     return (moved.electrode_middle_m - sensor.electrode_middle_m) / small
 
 
-def _number(effect: Effect) -> int:
+def number_of(effect: Effect) -> int:
     """The electrode or channel that an effect belongs to, -1 for none."""
     return int(getattr(effect, "electrode", getattr(effect, "channel", -1)))
 
@@ -211,14 +211,14 @@ def _instrument(problem: VoltageProblem, solved: Solved, partitions: Sequence[Se
     skin = problem.family.skin(solved.calibration, solved.effects)
     wrong = signal.residual(skin)
     readings = (signal.scans(skin)[signal.rows] @ protocol.orthonormal.T).reshape(-1, *protocol.shape)
-    present = {(t.name, _number(t.effect)) for t in solved.terms}
+    present = {(t.name, number_of(t.effect)) for t in solved.terms}
     found: list[Candidate | None] = []
     for kind in effects_shown_by(Signal.NONRECIPROCAL):
         if kind.hypothesis.measured == Measured.READING_LIMIT and problem.evidence.saturated_v is not None:
             # It is known, and the readings that show it are left out.
             continue
         for start in kind.reading_starts(problem.evidence.sensor, protocol):
-            if start.reciprocal or (kind.name, _number(start.effect)) in present:
+            if start.reciprocal or (kind.name, number_of(start.effect)) in present:
                 continue
             if isinstance(start.effect, AcquisitionEffect) and not start.effect.linear:
                 found.append(_bending(problem, solved, start, start.effect, partitions))

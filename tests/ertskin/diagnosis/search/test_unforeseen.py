@@ -9,6 +9,7 @@ from ertskin.diagnosis.fit.joint_fit import Term
 from ertskin.diagnosis.search.candidates import Candidate
 from ertskin.diagnosis.search.trials import rms_of, unforeseen, worth_a_name
 from ertskin.physics.effects.contact_pressure_dependence import ContactPressureDependence
+from ertskin.physics.effects.electrode_displacement import ElectrodeDisplacement
 from ertskin.physics.effects.piezo_inhomogeneity import PiezoInhomogeneity
 
 CONTACT = ContactPressureDependence(sensitivity_per_pa=3e-3)
@@ -44,3 +45,10 @@ def test_a_field_is_not_fitted_from_all_its_starts() -> None:
 def test_nothing_is_fitted_where_little_is_left() -> None:
     problem = recorded()
     assert not unforeseen(problem, problem.solve([], START), foreseen(-1e9), PARTITIONS)
+
+
+def test_only_the_electrode_that_the_tangent_foretells_harm_of_is_moved() -> None:
+    problem = recorded(CONTACT)
+    moved = ElectrodeDisplacement(electrode=3, dx_m=1e-3)
+    trials = unforeseen(problem, problem.solve([], START), [Candidate(Term(moved, ("dx_m", "dy_m")), -1e9)], PARTITIONS)
+    assert {(trial.term.name, trial.term.effect.electrode) for trial in trials} == {(moved.name, 3)}  # type: ignore[attr-defined]
