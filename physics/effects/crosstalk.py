@@ -71,10 +71,18 @@ class Crosstalk(AcquisitionEffect):
         met = protocol.with_passed(voltage_v, self.driven_ohm) if self.passes else voltage_v
         flat = met.reshape(*voltage_v.shape[:-2], -1)
         mixed, kept = flat.copy(), np.tile(self._kept(protocol.shape[1]), protocol.shape[0])
-        for run in _runs(protocol, self.before, self.begins == "carried", self.passes):
-            values = flat[..., run]
-            mixed[..., run] += kept[run] * (self._found(values) - values)
-        return np.where(protocol.taken, mixed.reshape(voltage_v.shape), voltage_v)
+        if self.lasting == 0:
+            which, earlier, first = _keeping(protocol, self.before, self.begins == "carried", self.passes, kept)
+            found = flat[..., earlier]
+            if self.begins == "discharged":
+                found[..., first] = 0.0
+            mixed[..., which] += kept[which] * (found - flat[..., which])
+        else:
+            for run in _runs(protocol, self.before, self.begins == "carried", self.passes):
+                values = flat[..., run]
+                mixed[..., run] += kept[run] * (self._lasting(values) - values)
+        read = mixed.reshape(voltage_v.shape)
+        return read if protocol.taken.all() else np.where(protocol.taken, read, voltage_v)
 
     def _kept(self, channels: int) -> Array:
         """(M,) what each channel keeps; raises ``ValueError`` where there are shares for other channels."""
@@ -85,11 +93,9 @@ class Crosstalk(AcquisitionEffect):
             kept[np.arange(channels) != self.channel] = 0.0
         return kept + (np.array(self.shares) if self.shares else 0.0)
 
-    def _found(self, values: Array) -> Array:
+    def _lasting(self, values: Array) -> Array:
         """(...,n) what each of readings (...,n) in turn finds."""
         first = np.zeros_like(values[..., :1]) if self.begins == "discharged" else values[..., :1]
-        if self.lasting == 0:
-            return np.concatenate([first, values[..., :-1]], axis=-1)
         last = self.lasting
         later, _ = lfilter([1 - last], [1.0, -last], values[..., :-1], axis=-1, zi=last * first)
         return np.concatenate([first, later], axis=-1)
@@ -129,6 +135,27 @@ class Crosstalk(AcquisitionEffect):
             others = (key for key in free if key != "fraction")
             found.append(Start(each, (*others, *(f"shares[{k}]" for k in range(len(self.shares))))))
         return tuple(found)
+
+
+def _keeping(
+    protocol: Protocol, before: str, carried: bool, passes: bool, kept: Array
+) -> tuple[NDArray[np.intp] | slice, NDArray[np.intp], NDArray[np.bool_]]:
+    """Which readings keep something, the reading (n,) before each of them, and whether none is: then it is its own."""
+    earlier = _earlier(protocol, before, carried, passes)
+    first = earlier == np.arange(len(earlier))
+    if kept.all():
+        return slice(None), earlier, first
+    which = np.flatnonzero(kept)
+    return which, earlier[which], first[which]
+
+
+@lru_cache(maxsize=16)
+def _earlier(protocol: Protocol, before: str, carried: bool, passes: bool) -> NDArray[np.intp]:
+    """(K*M,) the number of the reading before each in its run, its own where there is none."""
+    found = np.arange(protocol.taken.size)
+    for run in _runs(protocol, before, carried, passes):
+        found[run[:, 1:]] = run[:, :-1]
+    return found
 
 
 @lru_cache(maxsize=16)
