@@ -40,24 +40,22 @@ class RadialKernel:
         end = np.zeros(2)
         return cls(largest, np.concatenate([spline(r), end]), np.concatenate([slope, end]))
 
-    def at(self, squared_m2: Array) -> Array:
-        """(...,) the field at squared distances (...,) in square metre."""
-        return self._interpolate(self.value, squared_m2)
-
     def mean_around(self, point_m: Array, offset_m: Array) -> Array:
         """(...,) the mean of the fields around points (P,2), at offsets (...,2) in metre."""
         offset = np.asarray(offset_m, dtype=float)
         flat = np.ascontiguousarray(offset.reshape(-1, 2))
-        found = _looked_up_around(self.value, np.asarray(point_m, dtype=float), flat, (_ENTRIES - 1) / self.radius_m**2)
+        found = _looked_up_around(self.value, np.asarray(point_m, dtype=float), flat, self._per_entry)
         return np.asarray(found / len(point_m)).reshape(offset.shape[:-1])
 
     def derivative(self, squared_m2: Array) -> Array:
         """(...,) df/d(r^2) at squared distances (...,) in square metre."""
-        return self._interpolate(self.slope, squared_m2)
-
-    def _interpolate(self, table: Array, squared_m2: Array) -> Array:
         squared = np.asarray(squared_m2, dtype=float)
-        return np.asarray(_looked_up(table, squared.ravel(), (_ENTRIES - 1) / self.radius_m**2)).reshape(squared.shape)
+        return np.asarray(_looked_up(self.slope, squared.ravel(), self._per_entry)).reshape(squared.shape)
+
+    @property
+    def _per_entry(self) -> float:
+        """Entries of a table per square metre."""
+        return float((_ENTRIES - 1) / self.radius_m**2)
 
 
 @njit(cache=True, nogil=True)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -9,7 +11,7 @@ from ertskin.hardware.virtual.bench.nominal import nominal_sensor
 from ertskin.physics.effects.adc_saturation import AdcSaturation
 from ertskin.physics.effects.channel_gain import ChannelGain
 from ertskin.physics.effects.contact_pressure_dependence import ContactPressureDependence
-from ertskin.physics.effects.crosstalk import Crosstalk
+from ertskin.physics.effects.crosstalk import BEGINNINGS, Crosstalk
 from ertskin.physics.effects.effect import AcquisitionEffect
 from ertskin.physics.effects.registry import effect_classes
 from ertskin.physics.effects.self_heating import SelfHeating
@@ -46,6 +48,18 @@ def test_crosstalk_may_begin_anew_with_every_injection(readings, begins, kept) -
     carried = Crosstalk(fraction=0.1).distorted_v(readings, PROTOCOL)
     np.testing.assert_allclose(changed[..., 0], (0.9 + 0.1 * kept) * readings[..., 0])
     np.testing.assert_array_equal(changed[..., 1:], carried[..., 1:])
+
+
+@pytest.mark.parametrize("channel", [-1, 2])
+@pytest.mark.parametrize("begins", BEGINNINGS)
+@pytest.mark.parametrize(("before", "passes"), [("channel", False), ("channel", True), ("injection", False)])
+def test_what_hardly_lasts_is_one_reading(before: str, begins: str, passes: bool, channel: int) -> None:
+    scan = adjacent(APART)
+    read = np.where(scan.taken, scan.readings(np.random.default_rng(1).uniform(100, 200, (2, 28))), 0.0)
+    one = Crosstalk(fraction=0.1, before=before, begins=begins, passes=passes, channel=channel)
+    np.testing.assert_allclose(
+        one.distorted_v(read, scan), replace(one, lasting=1e-9).distorted_v(read, scan), rtol=1e-6, atol=1e-9
+    )
 
 
 def test_crosstalk_may_last_longer_than_a_reading(readings) -> None:

@@ -69,11 +69,14 @@ def test_stiffer_foam_hardly_changes_the_pressure(paper_sensor: Sensor, pressure
     assert 1e-4 < change < 5e-3
 
 
-def test_kernel_interpolates_a_gaussian():
+def test_kernel_interpolates_a_gaussian_and_the_mean_of_two():
     radius = np.linspace(0.0, 0.1, 1000)
     kernel = RadialKernel.through(radius, np.exp(-((radius / 5e-3) ** 2)))
     at = np.linspace(0.0, 0.02, 77)
-    assert kernel.at(at**2) == pytest.approx(np.exp(-((at / 5e-3) ** 2)), abs=1e-6)
+    place, middles = np.stack([at, 0.5 * at], axis=-1), np.array([[0.0, 0.0], [3e-3, -1e-3]])
+    each = [np.exp(-((place - middle) ** 2).sum(axis=-1) / 25e-6) for middle in middles]
+    assert kernel.mean_around(middles[:1], place) == pytest.approx(each[0], abs=1e-6)
+    assert kernel.mean_around(middles, place) == pytest.approx(np.mean(each, axis=0), abs=1e-6)
     assert kernel.derivative(at**2) == pytest.approx(-np.exp(-((at / 5e-3) ** 2)) / 25e-6, rel=1e-3, abs=1.0)
 
 

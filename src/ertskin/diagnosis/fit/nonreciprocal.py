@@ -35,6 +35,12 @@ def acquires(effects: Sequence[Effect]) -> bool:
     return bool(motions(effects) or instruments(effects))
 
 
+def readings_met(change: Array) -> NDArray[np.intp] | slice:
+    """Which readings a change (n,K*M) meets; all where most are, for taking them out costs more than it saves."""
+    met = np.flatnonzero(change.any(axis=0))
+    return met if 2 * len(met) < change.shape[1] else slice(None)
+
+
 class AcquisitionSignal:
     """Readings with the instrument's effects, split as the evidence is."""
 
@@ -131,8 +137,8 @@ class AcquisitionSignal:
         return matrix, about + own[0] - matrix @ about
 
     def _whitened(self, readings: Array) -> Array:
-        """(n,P) whitened scans of readings (n,K*M). Most that an effect changes are few."""
-        met = np.flatnonzero(readings.any(axis=0))
+        """(n,P) whitened scans of readings (n,K*M), most of which are nought where one channel's effect made them."""
+        met = readings_met(readings)
         return np.asarray(readings[:, met] @ self.evidence.protocol.orthonormal[met])
 
     @cached_property

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ertskin.diagnosis.fit.joint_fit import Solved, Term, VoltageProblem
+from ertskin.diagnosis.fit.nonreciprocal import readings_met
 from ertskin.diagnosis.search.first_order_gain import (
     Moved,
     add_leftover,
@@ -235,7 +236,7 @@ def _distorting(
     """An effect on the readings (n,K,M), against what no network explains of them (n,K*M), in units of the noise."""
     protocol, noise = problem.evidence.protocol, problem.evidence.leftover_noise_v
     change = (effect.distorted_v(readings, protocol) - readings).reshape(len(readings), -1)
-    met = np.flatnonzero(change.any(axis=0))
+    met = readings_met(change)
     moved = change[:, met]
     # The residual has no reciprocal part, so only the pattern's length needs it taken off.
     along, longest = float((moved * wrong[:, met]).sum()) / noise, float((moved**2).sum()) / noise**2
