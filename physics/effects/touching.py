@@ -16,10 +16,13 @@ def touching_share(pressure_pa: Array, half_pa: float, unevenness: float = 0.0) 
     Gaps of exponentially distributed widths: 1 - 2^(-p/half), Greenwood & Williamson, Proc. R. Soc. A 295 (1966) 300;
     with ``unevenness`` u, their mean's variance over its square, 1 - (1 + (2^u - 1) p/half)^(-1/u).
     """
-    share, pressed = np.zeros_like(pressure_pa), pressure_pa.any(axis=1)
-    halves = np.maximum(pressure_pa[pressed], 0.0) / half_pa
+    # In place, and by the exponential to the base e alone: numpy computes that several at a time.
+    share = np.maximum(pressure_pa, 0.0)
     if unevenness > EVEN:
-        share[pressed] = 1.0 - (1.0 + (2**unevenness - 1.0) * halves) ** (-1 / unevenness)
+        share *= (2**unevenness - 1.0) / half_pa
+        np.log1p(share, out=share)
+        share /= -unevenness
     else:
-        share[pressed] = 1.0 - np.exp2(-halves)
-    return share
+        share *= -np.log(2.0) / half_pa
+    np.exp(share, out=share)
+    return np.subtract(1.0, share, out=share)

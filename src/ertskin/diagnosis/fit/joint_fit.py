@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ertskin.cores import in_threads
 from ertskin.diagnosis.fit.full_scans import full_scans
-from ertskin.diagnosis.fit.levenberg_marquardt import Fit, Quadratic, descend
+from ertskin.diagnosis.fit.levenberg_marquardt import Fit, Quadratic, bounded_step, descend
 from ertskin.diagnosis.fit.nonreciprocal import AcquisitionSignal, acquires
 from ertskin.diagnosis.linear.calibration_vector import CONTACT_SPREAD, SHAPE, WIDEST_RATIO, Calibration, SkinFamily
 from ertskin.diagnosis.linear.linear_skin import Fields, LinearSkin
@@ -146,13 +146,25 @@ class Solved:
         """Half chi-square over everything."""
         return float(self.fit.quadratic.cost.sum())
 
+    def first(self, term: int) -> int:
+        """Which of the fit's numbers is a term's first."""
+        return len(self.fit.value) - sum(t.count for t in self.terms[term:])
+
+    def cost_without(self, term: int) -> float:
+        """Half chi-square expected without a term, by the tangent: what defines it neutral, the rest of it kept."""
+        low, high = np.full((2, len(self.fit.value)), [[-np.inf], [np.inf]])
+        for number, key in enumerate(self.terms[term].free, self.first(term)):
+            known, value = self.terms[term].effect.known(key), self.fit.value[number]
+            low[number] = high[number] = known.neutral if known.defining else value
+        tangent = self.fit.tangent
+        return self.cost - tangent.promised(bounded_step(tangent, self.fit.value, low, high, damping=0.0))
+
     def known(self, term: int, key: str) -> tuple[float, float]:
         """A free parameter's value and its standard error.
 
         The error is that of white residuals of their size, or the folds' if they pull the value about by more.
         """
-        first = len(self.fit.value) - sum(t.count for t in self.terms)
-        position = first + sum(t.count for t in self.terms[:term]) + self.terms[term].free.index(key)
+        position = self.first(term) + self.terms[term].free.index(key)
         inflation = max(1.0, float((self.scan_residual**2).mean()))
         white = inflation * self.fit.covariance[position, position]
         error = float(np.sqrt(max(white, self.fit.robust_covariance[position, position], 0.0)))
@@ -243,6 +255,8 @@ class VoltageProblem:
             precision,
             steps=steps,
             longest=longest,
+            # Derivatives of an earlier fit aren't this one's slopes.
+            bending=not self.reuse,
         )
         calibration, solved = layout.split(fit.value)
         skin = self.family.skin(calibration, [t.effect for t in solved])
@@ -539,9 +553,8 @@ class _Numbers:
 
 
 def _numbers(solved: Solved) -> list[_Numbers]:
-    first = len(solved.fit.value) - sum(t.count for t in solved.terms)
     found = []
-    for term in solved.terms:
+    for k, term in enumerate(solved.terms):
         known = [term.effect.known(key) for key in term.free]
         value = np.array([term.effect.value(key) for key in term.free])
         away = np.where([p.defining for p in known], np.array([p.neutral for p in known]) - value, 0.0)
@@ -552,8 +565,7 @@ def _numbers(solved: Solved) -> list[_Numbers]:
         single = np.array(["[" in key for key in term.free], dtype=bool)
         for which in (np.flatnonzero(~single), *np.flatnonzero(single)[:, None]):
             if len(which):
-                found.append(_Numbers(first + which, reach[which], away[which]))
-        first += term.count
+                found.append(_Numbers(solved.first(k) + which, reach[which], away[which]))
     return found
 
 

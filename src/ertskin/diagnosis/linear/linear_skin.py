@@ -8,7 +8,7 @@ rest. Everything is in whitened coordinates (volt).
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import cast
 
@@ -59,6 +59,8 @@ LEFT_GRID_M = 4e-3
 """Grid for what presses have left behind: a press's own changes are resolved finer."""
 REMEMBERED = 2000
 """Pressures are remembered for grids of fewer points than this."""
+MOTIONS = 2
+"""How many motions' forces are remembered: that of a fit, and one step from it."""
 RANK = 128
 """Directions kept of the derivatives on a patch's grid. On the paper's skin 100 leave 5e-4 of the noise out of a change
 of a tenth of the signal; every evaluation reads that much less memory."""
@@ -111,6 +113,28 @@ def _of_network(skin: Skin) -> tuple[Effect, ...]:
     return tuple(e for e in skin.effects if e.stage != Stage.ACQUISITION or isinstance(e, MotionEffect))
 
 
+@dataclass(eq=False)
+class _Memory:
+    """What was computed last under the forces ``force_n`` (T,C), by patch: most parameters that a fit moves leave most
+    of it as it is.
+
+    ``regime``: pressure field and mechanics that the rest belongs to. ``still``: a skin and its scans (n,P).
+    """
+
+    force_n: Array
+    regime: tuple[object, tuple[Effect, ...]] = (None, ())
+    pressures: dict[tuple[bytes, bytes], Array] = field(default_factory=dict)
+    relative: dict[int, tuple[object, Array]] = field(default_factory=dict)
+    change: dict[int, tuple[object, NDArray[np.float32]]] = field(default_factory=dict)
+    still: tuple[Skin, Array] | None = None
+
+    def settle(self, skin: Skin) -> None:
+        """Forget the pressures of another pressure field or other mechanics."""
+        placement = tuple(e for e in skin.effects if isinstance(e, PlacementEffect | FoamEffect))
+        if not (self.regime[0] is skin.pressure and self.regime[1] == placement):
+            self.regime, self.pressures, self.relative, self.change = (skin.pressure, placement), {}, {}, {}
+
+
 class LinearSkin:
     """Whitened scans of a history for any calibration and effects near those of ``skin``.
 
@@ -132,16 +156,13 @@ class LinearSkin:
         self.protocol = skin.protocol
         self._whitening = whitening_of_transfer(skin.protocol)
         self._contact = skin.contact_m(history.contact_m)
-        self._regime: tuple[object, tuple[Effect, ...], object] = (None, (), None)
-        self._pressures: dict[tuple[bytes, bytes], Array] = {}
-        self._latest_relative: dict[int, tuple[object, Array]] = {}
+        self._memories = [_Memory(force_n)]
         self._latest_field: dict[int, tuple[object, Array]] = {}
-        self._latest_change: dict[int, tuple[object, NDArray[np.float32]]] = {}
         self._latest_broad: tuple[object, list[Array] | None] = (None, None)
-        self._still: tuple[Skin, Array, Array] | None = None
+        self._latest_warmed: tuple[object, Array | None] = (None, None)
         self._moving: tuple[Skin, Array, list[Array]] | None = None
         self._mixing: dict[bool, tuple[Array, list[Array]]] = {}
-        self._moved: tuple[tuple[object, ...], Array, list[Array]] | None = None
+        self._moved: list[tuple[tuple[object, ...], Array, list[Array]]] = []
         self._rims = PadRims(skin.sheet)
         self._points = skin.sheet.quadrature_m.reshape(-1, 2)
         self._sheet = SheetState.of(skin, self._points)
@@ -289,6 +310,13 @@ class LinearSkin:
         return np.where(own, 0.0, change) @ columns.T
 
     def _warmed(self, skin: Skin) -> Array | None:
+        """``_warmed_by`` the effects on the sheet, remembered for the latest."""
+        key = _on_sheet(skin)
+        if self._latest_warmed[0] != key:
+            self._latest_warmed = key, self._warmed_by(skin)
+        return self._latest_warmed[1]
+
+    def _warmed_by(self, skin: Skin) -> Array | None:
         """(n,P) change of the scans by what comes and goes in the sheet, to first order about what is usual there; None
         for none."""
         somewhere = self._points[:1], self.history.time_s[:1], np.zeros(1, dtype=np.intp)
@@ -420,29 +448,44 @@ class LinearSkin:
         """Forces (T,C) at each of the moments; the latest are remembered, for pressures are by them."""
         foam = tuple(e for e in skin.effects if isinstance(e, FoamEffect))
         key = (skew, foam, skin.pad_n_per_m, skin.support_n_per_m)
-        if self._moved is None or self._moved[0] != key or self._moved[1] is not force_n:
-            at_rest = skin.force_n(self.history)
-            depth = skew.depth_m(self.history, moments)
-            result = []
-            for s in range(len(moments)):
-                moved = skin.force_n(self.history, depth[:, s])
-                scale = np.where(at_rest > 0, moved / np.where(at_rest > 0, at_rest, 1.0), 1.0)
-                result.append(force_n * scale)
-            self._moved = key, force_n, result
-        return self._moved[2]
+        known = next((one for one in self._moved if one[0] == key and one[1] is force_n), None)
+        if known is None:
+            known = key, force_n, self._forces_at(skin, skew, force_n, moments)
+            self._moved = [*self._moved[1 - MOTIONS :], known]
+        return known[2]
+
+    def _forces_at(self, skin: Skin, skew: MotionEffect, force_n: Array, moments: Array) -> list[Array]:
+        at_rest = skin.force_n(self.history)
+        depth = skew.depth_m(self.history, moments)
+        result = []
+        for s in range(len(moments)):
+            moved = skin.force_n(self.history, depth[:, s])
+            scale = np.where(at_rest > 0, moved / np.where(at_rest > 0, at_rest, 1.0), 1.0)
+            result.append(force_n * scale)
+        return result
+
+    def _memory(self, force_n: Array) -> _Memory:
+        """The memory of what some forces do; those of the latest motions are kept, at each of their moments."""
+        known = next((one for one in self._memories if one.force_n is force_n), None)
+        if known is None:
+            known = _Memory(force_n)
+            kept = MOTIONS * max((len(forces) for _, _, forces in self._moved), default=1)
+            self._memories = [*self._memories[max(0, len(self._memories) + 1 - kept) :], known]
+        return known
 
     def still_scans(self, skin: Skin, force_n: Array) -> Array:
         """(n,P) whitened scans, every scan taken in an instant; the latest are remembered."""
-        if self._still is None or not _same_network(skin, self._still[0]) or self._still[1] is not force_n:
-            self._still = skin, force_n, self._still_scans(skin, force_n)
-        return self._still[2]
+        memory = self._memory(force_n)
+        if memory.still is None or not _same_network(skin, memory.still[0]):
+            memory.still = skin, self._still_scans(skin, force_n)
+        return memory.still[1]
 
     def _still_scans(self, skin: Skin, force_n: Array) -> Array:
         result = np.empty((len(self.wanted), self.protocol.orthonormal.shape[1]))
         factor = skin.piezo.zero_ohm_sq / self.skin.piezo.zero_ohm_sq * self._drift(skin)
         contacts = self._contact_ohm(skin, force_n) / factor[:, None]
         moved = pad_shifts(skin) - pad_shifts(self.skin)
-        self._settle_regime(skin, force_n)
+        self._memory(force_n).settle(skin)
         elsewhere = [part for part in (self._left_behind(skin, force_n), self._warmed(skin)) if part is not None]
         broad = self._broad_change(skin)
 
@@ -546,17 +589,18 @@ class LinearSkin:
         """(m,R) change of the conductance from the states' in a patch's directions, remembered for the latest law,
         memories and effects on the sheet under the pressures at hand."""
         patch, key = self.patches[number], (_of_fabric(skin), _on_sheet(skin))
-        if number not in self._latest_change or self._latest_change[number][0] != key:
+        latest = self._memory(force_n).change
+        if number not in latest or latest[number][0] != key:
             change = (self._relative_of(number, skin, force_n) - patch.about) * self._field_of(number, skin)
-            self._latest_change[number] = key, change.astype(np.float32) @ patch.directions
-        return self._latest_change[number][1]
+            latest[number] = key, change.astype(np.float32) @ patch.directions
+        return latest[number][1]
 
     def _relative_of(self, number: int, skin: Skin, force_n: Array) -> Array:
         """``_relative`` of a patch, remembered for the latest law and memories under the pressures at hand."""
-        key = _of_fabric(skin)
-        if number not in self._latest_relative or self._latest_relative[number][0] != key:
-            self._latest_relative[number] = key, self._relative(skin, force_n, self.patches[number])
-        return self._latest_relative[number][1]
+        key, latest = _of_fabric(skin), self._memory(force_n).relative
+        if number not in latest or latest[number][0] != key:
+            latest[number] = key, self._relative(skin, force_n, self.patches[number])
+        return latest[number][1]
 
     def _relative(self, skin: Skin, force_n: Array, patch: Patch) -> Array:
         """(m,G) conductance on the patch's grid over that at rest, for the rows of the patch."""
@@ -571,22 +615,16 @@ class LinearSkin:
 
     def _pressure(self, skin: Skin, force_n: Array, position_m: Array, frames: Indices) -> Array:
         """Pressures (n,N), remembered for the latest pressure field, mechanics and forces."""
-        self._settle_regime(skin, force_n)
+        memory = self._memory(force_n)
+        memory.settle(skin)
         key = (position_m.tobytes(), frames.tobytes())
-        found = self._pressures.get(key)
+        found = memory.pressures.get(key)
         if found is None:
             contact = skin.contact_m(self.history.contact_m[frames])
             found = skin.pressure_pa(position_m, contact, force_n[frames])
             if len(position_m) < REMEMBERED:
-                self._pressures[key] = found
+                memory.pressures[key] = found
         return found
-
-    def _settle_regime(self, skin: Skin, force_n: Array) -> None:
-        """Forget the pressures of another pressure field, mechanics or forces."""
-        placement = tuple(e for e in skin.effects if isinstance(e, PlacementEffect | FoamEffect))
-        regime = (skin.pressure, placement, force_n)
-        if not (self._regime[0] is regime[0] and self._regime[1] == placement and self._regime[2] is force_n):
-            self._regime, self._pressures, self._latest_relative, self._latest_change = regime, {}, {}, {}
 
     # derivatives by fields over the sheet ----------------------------------------------------------------------------
 
@@ -629,7 +667,7 @@ class LinearSkin:
         patch = self.patches[number]
         change = []
         for each in (skin, raised):
-            self._settle_regime(each, force_n)
+            self._memory(force_n).settle(each)
             relative = self._relative(each, force_n, patch)
             change.append((relative - patch.about) * self._local_field(each, patch))
         return np.asarray(change[1] - change[0])

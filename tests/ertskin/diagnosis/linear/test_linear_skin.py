@@ -9,7 +9,7 @@ import pytest
 from small_skin import SMALL, small_law, small_sensor, two_presses
 
 from ertskin.diagnosis.fit.joint_fit import VoltageProblem
-from ertskin.diagnosis.linear.linear_skin import LinearSkin
+from ertskin.diagnosis.linear.linear_skin import MOTIONS, LinearSkin
 from ertskin.diagnosis.recording.evidence import Evidence
 from ertskin.physics.effects.contact_drift import ContactDrift
 from ertskin.physics.effects.contact_pressure_dependence import ContactPressureDependence
@@ -70,6 +70,36 @@ def test_presses_may_move_during_the_scan_on_a_skin_with_a_pad_out_of_place(hist
     linear = LinearSkin(moving, history, np.nan_to_num(moving.force_n(history)), np.arange(len(history)), None)
     signal = np.ptp(whole(moving, linear), axis=0).max()
     np.testing.assert_allclose(linear.scans(moving), whole(moving, linear), atol=5e-3 * signal)
+
+
+@pytest.mark.parametrize("begun", [(), (ScanSkew(speed_m_per_s=1e-3),)], ids=["still", "moving"])
+def test_what_is_remembered_is_never_that_of_another_skin(history: History, begun: tuple[ScanSkew, ...]) -> None:
+    """Motions, fabrics and sheets by turns, as a fit steps through them, against a linearised skin that is new."""
+    pairs = electrode_pairs(6)
+    scan = Protocol.against_sink(pairs, 6, 1e-4, injection_offset_s=np.linspace(0.0, 0.4, len(pairs)))
+    still = Skin.build(small_sensor(), scan, small_law(), np.linspace(200.0, 900.0, 6), 9000.0, begun, SMALL)
+    force_n = np.nan_to_num(still.force_n(history))
+    frames = np.arange(len(history))
+    linear = LinearSkin(still, history, force_n, frames, None)
+    slow, fast = (ScanSkew(speed_m_per_s=speed) for speed in (8e-4, 1.5e-3))
+    loop, wide = (PiezoHysteresis(width=width) for width in (0.1, 0.3))
+    warm, warmer = (TemperatureDrift(rate_per_h=rate) for rate in (0.2, 0.5))
+    turns = [
+        (),
+        (slow,),
+        (slow, loop),
+        (fast, loop),
+        (slow, wide, warm),
+        (slow, wide, warmer),
+        (slow, loop, warm),
+        (),
+        (fast,),
+    ]
+    for effects in turns:
+        other = still.with_effects(effects)
+        fresh = LinearSkin(still, history, force_n, frames, None)
+        np.testing.assert_array_equal(linear.scans(other), fresh.scans(other))
+    assert len(linear._memories) <= MOTIONS * len(linear.skew_mixing(slow)[0])
 
 
 def test_places_that_creep_show_until_they_have_recovered(skin: Skin, history: History, linear: LinearSkin) -> None:

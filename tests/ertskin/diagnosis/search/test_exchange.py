@@ -10,7 +10,7 @@ from small_problem import PARTITIONS, START, recorded
 from ertskin.diagnosis.fit.full_solution_check import CheckedFit, checked_fit
 from ertskin.diagnosis.fit.joint_fit import Term
 from ertskin.diagnosis.fit.nonreciprocal import acquires
-from ertskin.diagnosis.search.exchange import exchanged
+from ertskin.diagnosis.search.exchange import HOPELESS, exchanged
 from ertskin.diagnosis.search.trials import Trial
 from ertskin.physics.effects.channel_gain import ChannelGain
 from ertskin.physics.effects.effect import Effect
@@ -60,6 +60,22 @@ def test_the_right_memory_takes_the_wrong_one_s_place(hidden: Effect, wrong: Eff
 @pytest.mark.parametrize(("hidden", "wrong"), [(LOOP, CREEP), (CREEP, LOOP)])
 def test_the_wrong_memory_doesn_t_take_the_right_one_s_place(hidden: Effect, wrong: Effect) -> None:
     assert swapped(*both_ways(hidden, hidden, wrong)) is None
+
+
+def test_a_fit_without_a_term_is_foretold_by_the_tangent() -> None:
+    incumbent, (trial,), _ = both_ways(LOOP, LOOP, CREEP)
+    for k, term in enumerate(trial.solved.terms):
+        rest = [one for one in trial.solved.terms if one is not term]
+        without = incumbent.problem.solve(rest, trial.solved.calibration)
+        assert trial.solved.cost_without(k) == pytest.approx(without.cost, rel=0.5)
+        assert without.cost > 10.0 * trial.solved.cost or term is trial.term
+
+
+def test_a_swap_without_hope_is_not_fitted(monkeypatch: pytest.MonkeyPatch) -> None:
+    incumbent, trials, fixed = both_ways(LOOP, LOOP, CREEP)
+    assert trials[0].solved.cost_without(0) > HOPELESS * incumbent.solved.cost
+    monkeypatch.setattr(type(incumbent.problem), "solve", None)
+    assert swapped(incumbent, trials, fixed) is None
 
 
 def test_what_belongs_to_every_set_and_what_is_no_kin_stay() -> None:

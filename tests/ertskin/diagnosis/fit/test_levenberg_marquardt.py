@@ -1,0 +1,121 @@
+"""The descent against a library's, where what is left of the residuals is large and where bounds are in the way."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.optimize import least_squares, lsq_linear
+
+from ertskin.diagnosis.fit.levenberg_marquardt import Fit, Quadratic, Tangent, bounded_step, descend
+
+Array = NDArray[np.float64]
+WIDE = np.full(2, 1e3)
+
+
+def descended(
+    residual: Callable[[Array], Array], slope: Callable[[Array], Array], begin: Array, **settings: object
+) -> tuple[Fit, int]:
+    """The fit, and how often it was linearised."""
+    asked = []
+
+    def linearise(x: Array) -> Quadratic:
+        asked.append(x)
+        wrong, columns = -residual(x), slope(x)
+        return Quadratic(np.array([0.5 * wrong @ wrong]), (columns.T @ wrong)[None], (columns.T @ columns)[None])
+
+    nothing = np.zeros(len(begin))
+    bounds = settings.pop("bounds", (-WIDE, WIDE))
+    fit = descend(
+        linearise,
+        lambda x: 0.5 * float((residual(x) ** 2).sum()),
+        begin,
+        *bounds,  # type: ignore[misc]
+        nothing,
+        nothing,
+        steps=200,
+        tolerance=1e-10,
+        **settings,  # type: ignore[arg-type]
+    )
+    return fit, len(asked)
+
+
+def brown_dennis(x: Array) -> Array:
+    """The problem of Brown and Dennis, with half of its numbers: residuals of some hundreds are left."""
+    t = np.arange(1, 21) / 5
+    return np.asarray((x[0] + t * x[1] - np.exp(t)) ** 2 / 10 + t)
+
+
+def brown_dennis_slope(x: Array) -> Array:
+    t = np.arange(1, 21) / 5
+    inner = (x[0] + t * x[1] - np.exp(t)) / 5
+    return np.stack([inner, t * inner], axis=1)
+
+
+def test_where_large_residuals_stay_secants_come_down_in_half_the_steps() -> None:
+    begin = np.array([25.0, 5.0])
+    expected = least_squares(brown_dennis, begin, brown_dennis_slope, xtol=1e-12, ftol=1e-12, gtol=1e-12)
+    with_secants, few = descended(brown_dennis, brown_dennis_slope, begin)
+    without, many = descended(brown_dennis, brown_dennis_slope, begin, bending=False)
+    for fit in (with_secants, without):
+        assert float(fit.quadratic.cost[0]) == pytest.approx(expected.cost, rel=1e-6)
+    assert with_secants.value == pytest.approx(expected.x, rel=1e-3)
+    assert few <= 0.5 * many
+
+
+def test_where_none_are_left_secants_do_no_harm() -> None:
+    """Rosenbrock's valley."""
+
+    def residual(x: Array) -> Array:
+        return np.array([10 * (x[1] - x[0] ** 2), 1 - x[0]])
+
+    def slope(x: Array) -> Array:
+        return np.array([[-20 * x[0], 10.0], [-1.0, 0.0]])
+
+    counts = []
+    for bending in (True, False):
+        fit, count = descended(residual, slope, np.array([-1.2, 1.0]), bending=bending)
+        assert fit.value == pytest.approx([1.0, 1.0], rel=1e-4)
+        counts.append(count)
+    assert counts[0] <= 1.5 * counts[1]
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_a_step_that_bounds_cut_short_is_the_best_within_them(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    matrix, target = rng.normal(size=(6, 3)), 3 * rng.normal(size=6)
+    low, high = -rng.uniform(0.1, 0.5, 3), rng.uniform(0.1, 0.5, 3)
+    expected = lsq_linear(matrix, target, (low, high), tol=1e-12)
+    model = Tangent(matrix.T @ target, matrix.T @ matrix)
+    step = bounded_step(model, np.zeros(3), low, high, damping=0.0)
+    assert (step >= low - 1e-12).all()
+    assert (step <= high + 1e-12).all()
+    least = 0.5 * float(target @ target) - model.promised(step)
+    clipped = np.clip(np.linalg.lstsq(matrix, target)[0], low, high)
+    cut = 0.5 * float(target @ target) - model.promised(clipped)
+    assert expected.cost - 1e-9 <= least <= cut + 1e-9
+
+
+def test_numbers_that_are_held_take_the_others_with_them() -> None:
+    matrix = np.array([[1.0, 1.0], [0.0, 1.0]])
+    model = Tangent(matrix.T @ np.array([1.0, 0.0]), matrix.T @ matrix)
+    held = np.array([-np.inf, 0.5]), np.array([np.inf, 0.5])
+    assert bounded_step(model, np.zeros(2), *held, damping=0.0) == pytest.approx([0.5, 0.5])
+
+
+def test_a_variable_that_ceases_to_show_is_left_where_it_is() -> None:
+    """Beyond one the second number shows no more, however large the residuals that stay."""
+
+    def residual(x: Array) -> Array:
+        return np.array([x[0] ** 2 - 4.0, 3.0 + min(x[1], 1.0) ** 2, x[0] - 7.0])
+
+    def slope(x: Array) -> Array:
+        return np.array([[2 * x[0], 0.0], [0.0, 2 * x[1] if x[1] < 1.0 else 0.0], [1.0, 0.0]])
+
+    expected = least_squares(residual, np.array([5.0, 0.9]), slope, xtol=1e-12, ftol=1e-12, gtol=1e-12)
+    for begin in (0.9, 1.5):
+        fit, _ = descended(residual, slope, np.array([5.0, begin]))
+        assert np.isfinite(fit.value).all()
+        assert fit.value[0] == pytest.approx(expected.x[0], rel=1e-4)
