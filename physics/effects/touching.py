@@ -16,7 +16,7 @@ def touching_share(pressure_pa: Array, half_pa: float, unevenness: float = 0.0) 
     Gaps of exponentially distributed widths: 1 - 2^(-p/half), Greenwood & Williamson, Proc. R. Soc. A 295 (1966) 300;
     with ``unevenness`` u, their mean's variance over its square, 1 - (1 + (2^u - 1) p/half)^(-1/u).
     """
-    # In place, and by the exponential to the base e alone: numpy computes that several at a time.
+    # In place, and without exp2 and powers, which numpy computes one at a time.
     share = np.maximum(pressure_pa, 0.0)
     if unevenness > EVEN:
         share *= (2**unevenness - 1.0) / half_pa

@@ -150,14 +150,17 @@ class Solved:
         """Which of the fit's numbers is a term's first."""
         return len(self.fit.value) - sum(t.count for t in self.terms[term:])
 
-    def cost_without(self, term: int) -> float:
-        """Half chi-square expected without a term, by the tangent: what defines it neutral, the rest of it kept."""
+    def rise_without(self, term: int) -> float:
+        """Half chi-square and prior that are lost without a term, by the local model: its defining numbers neutral, its
+        others and a field's sizes kept."""
         low, high = np.full((2, len(self.fit.value)), [[-np.inf], [np.inf]])
-        for number, key in enumerate(self.terms[term].free, self.first(term)):
-            known, value = self.terms[term].effect.known(key), self.fit.value[number]
-            low[number] = high[number] = known.neutral if known.defining else value
-        tangent = self.fit.tangent
-        return self.cost - tangent.promised(bounded_step(tangent, self.fit.value, low, high, damping=0.0))
+        first, kept = self.first(term), self.terms[term]
+        low[first : first + kept.count] = high[first : first + kept.count] = self.fit.value[first : first + kept.count]
+        for number, key in enumerate(kept.free, first):
+            if kept.effect.known(key).defining:
+                low[number] = high[number] = kept.effect.known(key).neutral
+        model = self.fit.local_model
+        return -model.promised(bounded_step(model, self.fit.value, low, high, damping=0.0))
 
     def known(self, term: int, key: str) -> tuple[float, float]:
         """A free parameter's value and its standard error.
@@ -256,7 +259,7 @@ class VoltageProblem:
             steps=steps,
             longest=longest,
             # Derivatives of an earlier fit aren't this one's slopes.
-            bending=not self.reuse,
+            secants=not self.reuse,
         )
         calibration, solved = layout.split(fit.value)
         skin = self.family.skin(calibration, [t.effect for t in solved])

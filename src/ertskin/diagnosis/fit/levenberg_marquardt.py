@@ -1,7 +1,8 @@
 """Levenberg-Marquardt on normal equations, with bounds, priors and rows in folds.
 
-Where what is left of the residuals is large, as it is while an effect is missing, their own curvature counts: how the
-slope changes from step to step tells of it (Dennis, Gay & Welsch, ACM Trans. Math. Softw. 7 (1981) 348).
+While an effect is missing residuals stay large, and the part of the Hessian that Gauss-Newton leaves out counts.
+Secants estimate it, sized and updated as in Dennis, Gay & Welsch, ACM Trans. Math. Softw. 7 (1981) 348, but from how
+the whole gradient changes.
 """
 
 from __future__ import annotations
@@ -18,7 +19,9 @@ TRIES = 8
 """Ever more damped steps that are tried."""
 TINY = 1e-300
 LEAST_CURVATURE = 1e-9
-"""Of a direction along which the cost would bend downwards, in units of the tangents' own curvature."""
+"""Of a direction along which the augmented model would curve downwards, in units of its own diagonal."""
+STEEPEST = 1e-8
+"""Part of a step's Gauss-Newton curvature that its secant must have at least to be believed."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,11 +40,17 @@ class Quadratic:
 
 
 @dataclass(frozen=True, eq=False)
-class Tangent:
-    """Of a cost at a point: by how much it falls along each variable, ``slope`` (n,), and its ``curvature`` (n,n)."""
+class LocalModel:
+    """A cost near a point: cost - slope.d + d'curvature d/2; ``slope`` (n,) is minus its gradient."""
 
     slope: Array
     curvature: Array
+
+    @classmethod
+    def of(cls, quadratic: Quadratic, prior: Array, from_prior: Array) -> LocalModel:
+        """Gauss-Newton's, with a prior of diagonal Hessian (n,n), ``from_prior`` (n,) away from its mean."""
+        slope = quadratic.gradient.sum(axis=0) - prior.diagonal() * from_prior
+        return cls(slope, quadratic.hessian.sum(axis=0) + prior)
 
     def promised(self, step: Array) -> float:
         """What a step (n,) is expected to gain."""
@@ -64,10 +73,9 @@ class Fit:
         return np.asarray(self.value - self.prior_mean)
 
     @property
-    def tangent(self) -> Tangent:
+    def local_model(self) -> LocalModel:
         """Of the cost with the prior, where the descent ended."""
-        slope = self.quadratic.gradient.sum(axis=0) - self.prior.diagonal() * self.from_prior
-        return Tangent(slope, self.quadratic.hessian.sum(axis=0) + self.prior)
+        return LocalModel.of(self.quadratic, self.prior, self.from_prior)
 
     @property
     def covariance(self) -> Array:
@@ -86,6 +94,10 @@ Linearise = Callable[[Array], Quadratic]
 Cost = Callable[[Array], float]
 
 
+def _with_prior(cost: Cost, mean: Array, precision: Array) -> Cost:
+    return lambda x: cost(x) + 0.5 * float(((x - mean) ** 2 * precision).sum())
+
+
 def descend(
     linearise: Linearise,
     cost: Cost,
@@ -98,77 +110,83 @@ def descend(
     steps: int = 12,
     tolerance: float = 0.05,
     longest: Array | float = np.inf,
-    bending: bool = True,
+    secants: bool = True,
 ) -> Fit:
     """Minimise cost(x) + prior within bounds; ``cost`` and ``linearise`` are half chi-squares.
 
     Stops when a step gains less than ``tolerance`` in half chi-square. No step is longer than ``longest`` (n,):
-    what the data hardly tell of would be taken to where nothing is as linearised. ``bending``: whether the residuals'
-    own curvature is told by the slopes, which must be those of the cost for it.
+    what the data hardly tell of would be taken to where nothing is as linearised. ``secants`` estimate the second-order
+    part of the Hessian, for which ``linearise`` must give the true gradient of ``cost``.
     """
-    value = np.clip(start, low, high)
-    prior = np.diag(prior_precision)
-
-    def total(x: Array) -> float:
-        return cost(x) + 0.5 * float(((x - prior_mean) ** 2 * prior_precision).sum())
-
-    def tangent(quadratic: Quadratic) -> Tangent:
-        slope = quadratic.gradient.sum(axis=0) - prior_precision * (value - prior_mean)
-        return Tangent(slope, quadratic.hessian.sum(axis=0) + prior)
-
+    value, prior = np.clip(start, low, high), np.diag(prior_precision)
+    total = _with_prior(cost, prior_mean, prior_precision)
     lowest, damping, taken = total(value), 1e-6, 0
     quadratic = linearise(value)
-    flat, bent, trusted = tangent(quadratic), np.zeros_like(prior), False
+    model, second = LocalModel.of(quadratic, prior, value - prior_mean), _SecondOrder(np.zeros_like(prior))
     while taken < steps:
         taken += 1
-        bounds = np.maximum(low, value - longest), np.minimum(high, value + longest)
-        begun, curved = value, Tangent(flat.slope, _uphill(flat.curvature, bent))
-        model = curved if trusted else flat
-        value, reached, damping = _downhill(total, (value, lowest), model, bounds, damping, tolerance)
+        bounds, begun = (np.maximum(low, value - longest), np.minimum(high, value + longest)), value
+        leading = second.augmented(model) if second.leads else model
+        value, reached, damping = _downhill(total, (value, lowest), leading, bounds, damping, tolerance)
         gained, lowest = lowest - reached, reached
         if gained <= 0:
             break
         quadratic = linearise(value)
         if gained < tolerance:
             break
-        step, before, flat = value - begun, flat, tangent(quadratic)
-        if bending:
-            # The model that foretold this step better leads the next one.
-            trusted = abs(curved.promised(step) - gained) < abs(before.promised(step) - gained)
-            bent = _bent(bent, flat.curvature, step, before.slope - flat.slope)
+        before, model = model, LocalModel.of(quadratic, prior, value - prior_mean)
+        if secants:
+            second.learn(before, model, value - begun, gained)
     return Fit(value, quadratic, prior, taken, prior_mean)
 
 
-def _bent(bent: Array, curvature: Array, step: Array, fall: Array) -> Array:
-    """Curvature (n,n) beyond that of the tangents, ``curvature`` (n,n), after a step (n,) in which the slope fell by
-    ``fall`` (n,): what was known of it, scaled to what the step shows, and the least change that agrees with the step.
+@dataclass(eq=False)
+class _SecondOrder:
+    """The part (n,n) of a cost's Hessian that Gauss-Newton leaves out, as secants tell it.
+
+    ``leads``: whether the model augmented by it foretold the last step's gain better than Gauss-Newton's, and makes the
+    next step.
     """
+
+    part: Array
+    leads: bool = False
+
+    def augmented(self, model: LocalModel) -> LocalModel:
+        """A Gauss-Newton model with this part, made positive definite."""
+        return LocalModel(model.slope, _positive(model.curvature, self.part)) if self.part.any() else model
+
+    def learn(self, before: LocalModel, after: LocalModel, step: Array, gained: float) -> None:
+        """From a step (n,) that gained so much, with the Gauss-Newton models before and after it."""
+        self.leads = abs(self.augmented(before).promised(step) - gained) < abs(before.promised(step) - gained)
+        updated = _updated(self.part, after.curvature, step, before.slope - after.slope)
+        self.part = updated if np.isfinite(updated).all() else self.part
+
+
+def _updated(part: Array, curvature: Array, step: Array, fall: Array) -> Array:
+    """The second-order ``part`` (n,n) beside ``curvature`` (n,n) after a step (n,) in which the slope fell by ``fall``
+    (n,): sized to what the step shows, and the least change of it that agrees with the step."""
     beyond, along = fall - curvature @ step, float(step @ fall)
-    if not 0 < along < np.inf:
-        return bent
-    known = float(step @ bent @ step)
-    sized = bent * min(1.0, abs(float(step @ beyond)) / abs(known)) if known else bent
+    if not along > STEEPEST * float(step @ curvature @ step):
+        return part
+    known = float(step @ part @ step)
+    sized = part * min(1.0, abs(float(step @ beyond)) / abs(known)) if known else part
     wrong = beyond - sized @ step
     mixed = np.outer(wrong, fall)
     return np.asarray(sized + (mixed + mixed.T) / along - float(step @ wrong) * np.outer(fall, fall) / along**2)
 
 
-def _uphill(curvature: Array, bent: Array) -> Array:
-    """The sum of both curvatures (n,n), nowhere downwards: in units of the first, which is upwards everywhere, and that
-    alone for variables that show nothing now."""
-    if not bent.any():
-        return curvature
-    shown = np.diag(curvature) > 0
-    root = np.sqrt(np.where(shown, np.diag(curvature), 1.0))
+def _positive(curvature: Array, part: Array) -> Array:
+    """The sum of both (n,n), made positive definite in units of their diagonals."""
+    root = np.sqrt(np.maximum(np.diag(curvature) + np.abs(np.diag(part)), TINY))
     scale = root[:, None] * root
-    size, vector = np.linalg.eigh((curvature + np.where(shown[:, None] & shown, bent, 0.0)) / scale)
+    size, vector = np.linalg.eigh((curvature + part) / scale)
     return np.asarray((vector * np.maximum(size, LEAST_CURVATURE)) @ vector.T * scale)
 
 
 def _downhill(
     total: Cost,
     begun: tuple[Array, float],
-    model: Tangent,
+    model: LocalModel,
     bounds: tuple[Array, Array],
     damping: float,
     tolerance: float,
@@ -194,11 +212,13 @@ def _downhill(
     return value, lowest, damping
 
 
-def bounded_step(model: Tangent, value: Array, low: Array, high: Array, damping: float) -> Array:
-    """Damped Newton step in which variables that would go beyond a bound go to it, and the others know that."""
+def bounded_step(model: LocalModel, value: Array, low: Array, high: Array, damping: float) -> Array:
+    """Damped Newton step (n,) within bounds (n,), which keeps variables where they lean on a bound (projected Newton,
+    Bertsekas, SIAM J. Control Optim. 20 (1982) 221); those that would go beyond one go to it, and the others know."""
     root = np.sqrt(np.maximum(np.diag(model.curvature), TINY))
-    free = np.ones(len(value), dtype=bool)
-    step = np.zeros(len(value))
+    at_low, at_high = (value <= low) & (model.slope < 0), (value >= high) & (model.slope > 0)
+    step = np.where(at_low, low - value, np.where(at_high, high - value, 0.0))
+    free = ~(at_low | at_high)
     while free.any():
         index = np.flatnonzero(free)
         slope = model.slope[index] - model.curvature[np.ix_(index, ~free)] @ step[~free]

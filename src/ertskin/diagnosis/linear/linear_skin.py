@@ -59,8 +59,8 @@ LEFT_GRID_M = 4e-3
 """Grid for what presses have left behind: a press's own changes are resolved finer."""
 REMEMBERED = 2000
 """Pressures are remembered for grids of fewer points than this."""
-MOTIONS = 2
-"""How many motions' forces are remembered: that of a fit, and one step from it."""
+MOTIONS = 3
+"""How many motions' forces are remembered: that of a fit, and a step in each of a motion's two numbers."""
 RANK = 128
 """Directions kept of the derivatives on a patch's grid. On the paper's skin 100 leave 5e-4 of the noise out of a change
 of a tenth of the signal; every evaluation reads that much less memory."""
@@ -115,10 +115,11 @@ def _of_network(skin: Skin) -> tuple[Effect, ...]:
 
 @dataclass(eq=False)
 class _Memory:
-    """What was computed last under the forces ``force_n`` (T,C), by patch: most parameters that a fit moves leave most
-    of it as it is.
+    """What was computed last under the forces ``force_n`` (T,C): most parameters that a fit moves leave most of it as
+    it is.
 
-    ``regime``: pressure field and mechanics that the rest belongs to. ``still``: a skin and its scans (n,P).
+    ``pressures`` by points and frames, ``relative`` and ``change`` by patch; ``regime``: pressure field and mechanics
+    that they belong to. ``still``: a skin and its scans (n,P).
     """
 
     force_n: Array
@@ -132,7 +133,8 @@ class _Memory:
         """Forget the pressures of another pressure field or other mechanics."""
         placement = tuple(e for e in skin.effects if isinstance(e, PlacementEffect | FoamEffect))
         if not (self.regime[0] is skin.pressure and self.regime[1] == placement):
-            self.regime, self.pressures, self.relative, self.change = (skin.pressure, placement), {}, {}, {}
+            self.pressures, self.relative, self.change = {}, {}, {}
+            self.regime = skin.pressure, placement
 
 
 class LinearSkin:
@@ -658,7 +660,7 @@ class LinearSkin:
             )
             return rows, sum(parts).transpose(0, 2, 1)  # type: ignore[union-attr]
 
-        # Moments of a moving press may share a skin, which remembers the pressures of one of them.
+        # Moments of a moving press may share a skin, whose memories aren't for several threads at once.
         turns = in_threads_by_turns if len({id(linear) for linear, _ in moments}) == len(moments) else map
         yield from turns(one, range(len(self.patches)))
 

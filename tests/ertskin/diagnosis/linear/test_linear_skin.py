@@ -13,8 +13,10 @@ from ertskin.diagnosis.linear.linear_skin import MOTIONS, LinearSkin
 from ertskin.diagnosis.recording.evidence import Evidence
 from ertskin.physics.effects.contact_drift import ContactDrift
 from ertskin.physics.effects.contact_pressure_dependence import ContactPressureDependence
-from ertskin.physics.effects.effect import PiezoEffect
+from ertskin.physics.effects.effect import Effect, PiezoEffect
 from ertskin.physics.effects.electrode_displacement import ElectrodeDisplacement
+from ertskin.physics.effects.indenter_offset import IndenterOffset
+from ertskin.physics.effects.nonlinear_foam import NonlinearFoam
 from ertskin.physics.effects.piezo_creep import PiezoCreep
 from ertskin.physics.effects.piezo_hysteresis import PiezoHysteresis
 from ertskin.physics.effects.scan_skew import ScanSkew
@@ -80,26 +82,40 @@ def test_what_is_remembered_is_never_that_of_another_skin(history: History, begu
     still = Skin.build(small_sensor(), scan, small_law(), np.linspace(200.0, 900.0, 6), 9000.0, begun, SMALL)
     force_n = np.nan_to_num(still.force_n(history))
     frames = np.arange(len(history))
-    linear = LinearSkin(still, history, force_n, frames, None)
+    linear, bare = (LinearSkin(still, history, force_n, frames, None) for _ in range(2))
     slow, fast = (ScanSkew(speed_m_per_s=speed) for speed in (8e-4, 1.5e-3))
     loop, wide = (PiezoHysteresis(width=width) for width in (0.1, 0.3))
-    warm, warmer = (TemperatureDrift(rate_per_h=rate) for rate in (0.2, 0.5))
-    turns = [
+    even, uneven = (TemperatureDrift(rate_per_h=0.2, gradient_x=gradient) for gradient in (0.0, 0.3))
+    aside, foam = IndenterOffset(dx_m=1e-3), NonlinearFoam(stiffening=1.0, carried=0.2)
+    family: list[tuple[Effect, ...]] = [
         (),
         (slow,),
         (slow, loop),
         (fast, loop),
-        (slow, wide, warm),
-        (slow, wide, warmer),
-        (slow, loop, warm),
-        (),
-        (fast,),
+        (slow, aside, loop),
+        (slow, foam, loop),
     ]
-    for effects in turns:
-        other = still.with_effects(effects)
-        fresh = LinearSkin(still, history, force_n, frames, None)
-        np.testing.assert_array_equal(linear.scans(other), fresh.scans(other))
-    assert len(linear._memories) <= MOTIONS * len(linear.skew_mixing(slow)[0])
+    family += [(slow, wide, even), (slow, wide, uneven), (slow, loop, even), (foam, loop), (), (fast,), (aside,)]
+    for effects in family:
+        other, skew = still.with_effects(effects), [one for one in effects if isinstance(one, ScanSkew)]
+        if skew:
+            moments, _ = linear.skew_mixing(skew[0])
+            found = linear.skewed(other, skew[0], force_n, moments)
+            forces = bare._moved_forces(other, skew[0], force_n, moments)
+        else:
+            found, forces = [linear.still_scans(other, force_n)], [force_n]
+        about = bare._moments if skew and bare._moments else [bare] * len(forces)
+        for scans, one, force in zip(found, about, forces, strict=True):
+            np.testing.assert_array_equal(scans, without_memory(one, other, force))
+    motion = 1 if linear._moments else len(linear.skew_mixing(slow)[0])
+    assert all(len(one._memories) <= MOTIONS * motion for one in (linear, *linear._moments))
+
+
+def without_memory(linear: LinearSkin, skin: Skin, force_n: np.ndarray) -> np.ndarray:
+    """Scans (T,P) of a linearised skin that forgets all it had computed before."""
+    linear._memories, linear._latest_field = [], {}
+    linear._latest_broad, linear._latest_warmed = (None, None), (None, None)
+    return linear.still_scans(skin, force_n)
 
 
 def test_places_that_creep_show_until_they_have_recovered(skin: Skin, history: History, linear: LinearSkin) -> None:
