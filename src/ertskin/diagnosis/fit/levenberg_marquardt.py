@@ -206,7 +206,7 @@ def _downhill(
         trial_cost = total(trial) if promised > 0 else np.inf
         if trial_cost < lowest:
             return trial, trial_cost, max(damping / 10, 1e-9)
-        if 0 <= promised < tolerance:
+        if 0 < promised < tolerance:
             break
         damping = max(damping * 20, 1e-4)
     return value, lowest, damping
@@ -224,9 +224,11 @@ def bounded_step(model: LocalModel, value: Array, low: Array, high: Array, dampi
         slope = model.slope[index] - model.curvature[np.ix_(index, ~free)] @ step[~free]
         matrix = model.curvature[np.ix_(index, index)] / root[index, None] / root[index] + damping * np.eye(len(index))
         step[index] = np.linalg.lstsq(matrix, slope / root[index], rcond=1e-12)[0] / root[index]
-        beyond = free & ((value + step < low) | (value + step > high))
-        if not beyond.any():
+        # One at a time: what several together would go beyond the others may need no more once the first is held.
+        beyond = np.where(free, root * np.maximum(low - value - step, value + step - high), -np.inf)
+        worst = int(beyond.argmax())
+        if beyond[worst] <= 0:
             break
-        step[beyond] = np.where(step > 0, high - value, low - value)[beyond]
-        free &= ~beyond
+        step[worst] = (high if step[worst] > 0 else low)[worst] - value[worst]
+        free[worst] = False
     return step

@@ -8,7 +8,7 @@ rest. Everything is in whitened coordinates (volt).
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from functools import cached_property
 from typing import cast
 
@@ -18,6 +18,7 @@ from scipy.sparse import csc_array, sparray
 
 from ertskin.cores import in_threads, in_threads_by_turns
 from ertskin.diagnosis.linear.law_derivatives import conductance_by_law
+from ertskin.diagnosis.linear.memory import Memory
 from ertskin.diagnosis.linear.patches import (
     Past,
     Patch,
@@ -38,7 +39,6 @@ from ertskin.physics.effects.effect import (
     Effect,
     FoamEffect,
     MotionEffect,
-    PlacementEffect,
     SheetEffect,
     Stage,
 )
@@ -113,30 +113,6 @@ def _of_network(skin: Skin) -> tuple[Effect, ...]:
     return tuple(e for e in skin.effects if e.stage != Stage.ACQUISITION or isinstance(e, MotionEffect))
 
 
-@dataclass(eq=False)
-class _Memory:
-    """What was computed last under the forces ``force_n`` (T,C): most parameters that a fit moves leave most of it as
-    it is.
-
-    ``pressures`` by points and frames, ``relative`` and ``change`` by patch; ``regime``: pressure field and mechanics
-    that they belong to. ``still``: a skin and its scans (n,P).
-    """
-
-    force_n: Array
-    regime: tuple[object, tuple[Effect, ...]] = (None, ())
-    pressures: dict[tuple[bytes, bytes], Array] = field(default_factory=dict)
-    relative: dict[int, tuple[object, Array]] = field(default_factory=dict)
-    change: dict[int, tuple[object, NDArray[np.float32]]] = field(default_factory=dict)
-    still: tuple[Skin, Array] | None = None
-
-    def settle(self, skin: Skin) -> None:
-        """Forget the pressures of another pressure field or other mechanics."""
-        placement = tuple(e for e in skin.effects if isinstance(e, PlacementEffect | FoamEffect))
-        if not (self.regime[0] is skin.pressure and self.regime[1] == placement):
-            self.pressures, self.relative, self.change = {}, {}, {}
-            self.regime = skin.pressure, placement
-
-
 class LinearSkin:
     """Whitened scans of a history for any calibration and effects near those of ``skin``.
 
@@ -158,7 +134,7 @@ class LinearSkin:
         self.protocol = skin.protocol
         self._whitening = whitening_of_transfer(skin.protocol)
         self._contact = skin.contact_m(history.contact_m)
-        self._memories = [_Memory(force_n)]
+        self._memories = [Memory(force_n)]
         self._latest_field: dict[int, tuple[object, Array]] = {}
         self._latest_broad: tuple[object, list[Array] | None] = (None, None)
         self._latest_warmed: tuple[object, Array | None] = (None, None)
@@ -466,11 +442,11 @@ class LinearSkin:
             result.append(force_n * scale)
         return result
 
-    def _memory(self, force_n: Array) -> _Memory:
+    def _memory(self, force_n: Array) -> Memory:
         """The memory of what some forces do; those of the latest motions are kept, at each of their moments."""
         known = next((one for one in self._memories if one.force_n is force_n), None)
         if known is None:
-            known = _Memory(force_n)
+            known = Memory(force_n)
             kept = MOTIONS * max((len(forces) for _, _, forces in self._moved), default=1)
             self._memories = [*self._memories[max(0, len(self._memories) + 1 - kept) :], known]
         return known

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cache, partial
 
 from ertskin.diagnosis.fit.full_solution_check import CheckedFit, Problem
 from ertskin.diagnosis.fit.joint_fit import Solved, Term, VoltageProblem
@@ -62,6 +63,7 @@ def _swaps(incumbent: CheckedFit, trials: Sequence[Trial], fixed: int) -> Iterat
     """Every term that a trial's may be taken for, and the trial's fit without it, unless that is hopeless."""
     problem, current = incumbent.problem, incumbent.solved
     names = {term.name for term in current.terms}
+    counting = cache(partial(_counting, problem, current))
     for trial in trials:
         if trial.term.name in names or trial.term.effect.hypothesis.field:
             continue
@@ -71,7 +73,7 @@ def _swaps(incumbent: CheckedFit, trials: Sequence[Trial], fixed: int) -> Iterat
                 rest = [*others[:k], *others[k + 1 :], new]
                 # Scans and what no network explains count on both sides, or on none.
                 both = acquires(current.effects) or acquires([one.effect for one in rest])
-                present = _counting(problem, current, both)
+                present = counting(both)
                 if trial.solved.rise_without(k) <= (HOPELESS - 1) * present.cost:
                     yield _Swap(present, term, problem.solve(rest, trial.solved.calibration, leftover=both))
 

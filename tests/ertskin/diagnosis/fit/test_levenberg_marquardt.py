@@ -85,7 +85,7 @@ def test_where_none_are_left_secants_do_no_harm() -> None:
 
 @pytest.mark.parametrize("at_bound", [False, True], ids=["inside", "on a bound"])
 def test_a_descent_within_bounds_ends_where_a_library_s_does(at_bound: bool) -> None:
-    assert sum(_ends_at_the_minimum(np.random.default_rng(seed), at_bound) for seed in range(100)) >= 97
+    assert all(_ends_at_the_minimum(np.random.default_rng(seed), at_bound) for seed in range(200))
 
 
 def _ends_at_the_minimum(rng: np.random.Generator, at_bound: bool) -> bool:
@@ -132,19 +132,3 @@ def test_numbers_that_are_held_take_the_others_with_them() -> None:
     model = LocalModel(matrix.T @ np.array([1.0, 0.0]), matrix.T @ matrix)
     held = np.array([-np.inf, 0.5]), np.array([np.inf, 0.5])
     assert bounded_step(model, np.zeros(2), *held, damping=0.0) == pytest.approx([0.5, 0.5])
-
-
-def test_a_variable_that_ceases_to_show_is_left_where_it_is() -> None:
-    """Beyond one the second number shows no more, however large the residuals that stay."""
-
-    def residual(x: Array) -> Array:
-        return np.array([x[0] ** 2 - 4.0, 3.0 + min(x[1], 1.0) ** 2, x[0] - 7.0])
-
-    def slope(x: Array) -> Array:
-        return np.array([[2 * x[0], 0.0], [0.0, 2 * x[1] if x[1] < 1.0 else 0.0], [1.0, 0.0]])
-
-    expected = least_squares(residual, np.array([5.0, 0.9]), slope, xtol=1e-12, ftol=1e-12, gtol=1e-12)
-    for begin in (0.9, 1.5):
-        fit, _ = descended(residual, slope, np.array([5.0, begin]))
-        assert np.isfinite(fit.value).all()
-        assert fit.value[0] == pytest.approx(expected.x[0], rel=1e-4)
