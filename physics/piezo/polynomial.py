@@ -14,7 +14,8 @@ from scipy.optimize import nnls
 Array = NDArray[np.float64]
 
 ORDER = 5
-_CHECKED = 400
+CHECKED = 400
+"""Pressures at which a law is looked at."""
 BLOCK = 128  # points whose law is summed together
 
 
@@ -64,7 +65,7 @@ class PiezoPolynomial:
             raise ValueError("the specimen needs positive sheet resistances and a positive largest stress")
         largest = float(stress.max())
         design = chebyshev.chebvander(2 * stress / largest - 1, order)
-        slopes = _slope_matrix(np.linspace(-1.0, 1.0, _CHECKED), order)
+        slopes = _slope_matrix(np.linspace(-1.0, 1.0, CHECKED), order)
         fitted = resistance
         for _ in range(6):
             coefficients = _least_squares_nonincreasing(design / fitted[:, None], resistance / fitted, slopes)
@@ -81,7 +82,7 @@ class PiezoPolynomial:
     @cached_property
     def least_ohm_sq(self) -> float:
         """The smallest sheet resistance at any pressure, in ohm per square: of a fit gone astray it isn't positive."""
-        return float(self.sheet_resistance_ohm_sq(np.linspace(0.0, self.max_stress_pa, _CHECKED)).min())
+        return float(self.sheet_resistance_ohm_sq(np.linspace(0.0, self.max_stress_pa, CHECKED)).min())
 
     def derivative(self, pressure_pa: Array) -> Array:
         """(...,) ohm per square per pascal at pressures (...,) in pascal; zero where the law is held constant."""

@@ -12,9 +12,16 @@ from numpy.typing import NDArray
 
 from ertskin.cores import in_threads
 from ertskin.diagnosis.fit.full_scans import full_scans
-from ertskin.diagnosis.fit.levenberg_marquardt import Fit, Quadratic, bounded_step, descend
+from ertskin.diagnosis.fit.levenberg_marquardt import Fit, Inequalities, Quadratic, bounded_step, descend
 from ertskin.diagnosis.fit.nonreciprocal import AcquisitionSignal, acquires
-from ertskin.diagnosis.linear.calibration_vector import CONTACT_SPREAD, SHAPE, WIDEST_RATIO, Calibration, SkinFamily
+from ertskin.diagnosis.linear.calibration_vector import (
+    CONTACT_SPREAD,
+    SHAPE,
+    WIDEST_RATIO,
+    Calibration,
+    SkinFamily,
+    law_factors,
+)
 from ertskin.diagnosis.linear.linear_skin import Fields, LinearSkin
 from ertskin.diagnosis.recording.evidence import Evidence
 from ertskin.diagnosis.specimen.signal import SpecimenSignal
@@ -22,6 +29,7 @@ from ertskin.physics.effects.effect import AcquisitionEffect, Effect, Stage, sho
 from ertskin.physics.effects.field_over_sheet import FieldOverSheet
 from ertskin.physics.effects.hypothesis import Signal
 from ertskin.physics.effects.smooth_field import Nodes, field_design
+from ertskin.physics.piezo.polynomial import PiezoPolynomial
 from ertskin.physics.skin import Skin
 
 Array = NDArray[np.float64]
@@ -260,6 +268,7 @@ class VoltageProblem:
             longest=longest,
             # Derivatives of an earlier fit aren't this one's slopes.
             secants=not self.reuse,
+            inequalities=layout.law_above(self.family.first.piezo, 2 * LEAST_LAW),
         )
         calibration, solved = layout.split(fit.value)
         skin = self.family.skin(calibration, [t.effect for t in solved])
@@ -507,6 +516,13 @@ class _Layout:
             known = term.effect.known(key)
             low[k], high[k] = known.low, known.high
         return low, high
+
+    def law_above(self, law: PiezoPolynomial, least: float) -> Inequalities:
+        """What keeps the law above this part of its value unpressed, under any pressure, as its shape moves."""
+        known, by_shape = law_factors(law)
+        rows = np.zeros((len(known), self.calibration + sum(t.count for t in self.terms)))
+        rows[:, self.ratio + 1 : self.calibration] = by_shape
+        return Inequalities(rows, least - known)
 
     def prior(self, contact_ohm: Array) -> tuple[Array, Array]:
         """Mean and precision (n,) of the numbers; contacts are like most of those at rest ``contact_ohm`` (L,)."""

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import nnls
 
 Array = NDArray[np.float64]
 
@@ -20,6 +21,10 @@ TRIES = 8
 TINY = 1e-300
 LEAST_CURVATURE = 1e-9
 """Of a direction along which the augmented model would curve downwards, in units of its own diagonal."""
+RANK = 1e-12
+"""Part of the largest curvature, in units of the diagonal, below which a direction isn't known."""
+ROUNDING = 1e-9
+"""Of a step in units of the diagonal, by which an inequality may be broken."""
 STEEPEST = 1e-8
 """Part of a step's Gauss-Newton curvature that its secant must have at least to be believed."""
 
@@ -90,6 +95,14 @@ class Fit:
         return np.asarray(pulls.T @ pulls * folds / (folds - 1))
 
 
+@dataclass(frozen=True, eq=False)
+class Inequalities:
+    """What values (n,) must fulfil: ``rows`` (k,n) times them is at least ``least`` (k,)."""
+
+    rows: Array
+    least: Array
+
+
 Linearise = Callable[[Array], Quadratic]
 Cost = Callable[[Array], float]
 
@@ -111,8 +124,12 @@ def descend(
     tolerance: float = 0.05,
     longest: Array | float = np.inf,
     secants: bool = True,
+    inequalities: Inequalities | None = None,
 ) -> Fit:
     """Minimise cost(x) + prior within bounds; ``cost`` and ``linearise`` are half chi-squares.
+
+    A step goes along what of the ``inequalities`` it would break. Where ``cost`` is infinite without one that says so,
+    damping alone keeps from there, and the descent may come to rest where that begins.
 
     Stops when a step gains less than ``tolerance`` in half chi-square. No step is longer than ``longest`` (n,):
     what the data hardly tell of would be taken to where nothing is as linearised. ``secants`` estimate the second-order
@@ -127,7 +144,9 @@ def descend(
         taken += 1
         bounds, begun = (np.maximum(low, value - longest), np.minimum(high, value + longest)), value
         leading = second.augmented(model) if second.leads else model
-        value, reached, damping = _downhill(total, (value, lowest), leading, bounds, damping, tolerance)
+        value, reached, damping = _downhill(
+            total, (value, lowest), leading, (*bounds, inequalities), damping, tolerance
+        )
         gained, lowest = lowest - reached, reached
         if gained <= 0:
             break
@@ -187,7 +206,7 @@ def _downhill(
     total: Cost,
     begun: tuple[Array, float],
     model: LocalModel,
-    bounds: tuple[Array, Array],
+    within: tuple[Array, Array, Inequalities | None],
     damping: float,
     tolerance: float,
 ) -> tuple[Array, float, float]:
@@ -195,12 +214,12 @@ def _downhill(
 
     The point itself where none comes down, or what the step promises is less than ``tolerance``.
     """
-    value, lowest = begun
+    (value, lowest), (low, high, inequalities) = begun, within
     for _ in range(TRIES):
-        step = bounded_step(model, value, *bounds, damping)
+        step = bounded_step(model, value, low, high, damping, inequalities)
         if not np.isfinite(step).all():
             break
-        trial = np.clip(value + step, *bounds)
+        trial = np.clip(value + step, low, high)
         promised = model.promised(trial - value)
         # A step that a bound cuts short may lead uphill.
         trial_cost = total(trial) if promised > 0 else np.inf
@@ -212,23 +231,59 @@ def _downhill(
     return value, lowest, damping
 
 
-def bounded_step(model: LocalModel, value: Array, low: Array, high: Array, damping: float) -> Array:
-    """Damped Newton step (n,) within bounds (n,), which keeps variables where they lean on a bound (projected Newton,
-    Bertsekas, SIAM J. Control Optim. 20 (1982) 221); those that would go beyond one go to it, and the others know."""
-    root = np.sqrt(np.maximum(np.diag(model.curvature), TINY))
-    at_low, at_high = (value <= low) & (model.slope < 0), (value >= high) & (model.slope > 0)
-    step = np.where(at_low, low - value, np.where(at_high, high - value, 0.0))
-    free = ~(at_low | at_high)
-    while free.any():
-        index = np.flatnonzero(free)
-        slope = model.slope[index] - model.curvature[np.ix_(index, ~free)] @ step[~free]
-        matrix = model.curvature[np.ix_(index, index)] / root[index, None] / root[index] + damping * np.eye(len(index))
-        step[index] = np.linalg.lstsq(matrix, slope / root[index], rcond=1e-12)[0] / root[index]
-        # One at a time: what several together would go beyond the others may need no more once the first is held.
-        beyond = np.where(free, root * np.maximum(low - value - step, value + step - high), -np.inf)
-        worst = int(beyond.argmax())
-        if beyond[worst] <= 0:
-            break
-        step[worst] = (high if step[worst] > 0 else low)[worst] - value[worst]
-        free[worst] = False
+def bounded_step(
+    model: LocalModel, value: Array, low: Array, high: Array, damping: float, inequalities: Inequalities | None = None
+) -> Array:
+    """The damped Newton step (n,) that promises most of those within bounds (n,) and inequalities; none, where there
+    is no such step."""
+    free = low < high
+    step = np.where(free, 0.0, low - value)
+    diagonal = np.diag(model.curvature)[free]
+    root = np.sqrt(np.where(diagonal > TINY, diagonal, 1.0))
+    matrix = model.curvature[np.ix_(free, free)] / root[:, None] / root + damping * np.eye(len(root))
+    slope = (model.slope[free] - model.curvature[np.ix_(free, ~free)] @ step[~free]) / root
+    # Both bounds, as inequalities of the scaled step, and the others.
+    within = np.eye(len(root))
+    rows, least = [within, -within], [root * (low - value)[free], root * (value - high)[free]]
+    if inequalities is not None:
+        scaled = inequalities.rows[:, free] / root
+        size = np.maximum(np.linalg.norm(scaled, axis=1), TINY)
+        rows.append(scaled / size[:, None])
+        least.append((inequalities.least - inequalities.rows @ (value + step)) / size)
+    step[free] = _best_within(matrix, slope, np.concatenate(rows), np.concatenate(least)) / root
     return step
+
+
+def _best_within(matrix: Array, slope: Array, rows: Array, least: Array) -> Array:
+    """The step s (n,) of largest slope.s - s'matrix s/2 with rows (k,n) times s at least ``least`` (k,); 0 if none is.
+
+    Of the rows those come in that a step without them would break.
+    """
+    size, vector = np.linalg.eigh(matrix)
+    shown = size > RANK * size[-1]
+    white = vector[:, shown] / np.sqrt(size[shown])
+    free, asked = white.T @ slope, np.zeros(len(least), dtype=bool)
+    step = white @ free
+    while True:
+        broken = ~asked & (rows @ step < least - ROUNDING)
+        if not broken.any():
+            return np.asarray(step)
+        asked |= broken
+        nearest = _nearest(free, rows[asked] @ white, least[asked])
+        if nearest is None:
+            return np.zeros(len(slope))
+        step = white @ nearest
+
+
+def _nearest(point: Array, rows: Array, least: Array) -> Array | None:
+    """The y (n,) nearest to a point with rows (k,n) times y at least ``least`` (k,); None where there is none.
+
+    Least distance programming (Lawson & Hanson, Solving Least Squares Problems (1974), ch. 23) by way of nnls.
+    """
+    short = least - rows @ point
+    unit = max(float(np.abs(short).max()), TINY)
+    dual = np.vstack([rows.T, short / unit])
+    goal = np.zeros(len(dual))
+    goal[-1] = 1.0
+    rest = dual @ nnls(dual, goal)[0] - goal
+    return np.asarray(point - unit * rest[:-1] / rest[-1]) if rest[-1] < -RANK else None

@@ -14,7 +14,7 @@ from ertskin.physics.effects.effect import Effect, ElectrodeEffect
 from ertskin.physics.mechanics.pressure import InterfacePressure
 from ertskin.physics.mechanics.radial_kernel import RadialKernel
 from ertskin.physics.mechanics.stiffness import sensor_stiffness_n_per_m
-from ertskin.physics.piezo.polynomial import PiezoPolynomial
+from ertskin.physics.piezo.polynomial import CHECKED, PiezoPolynomial
 from ertskin.physics.sensor import Sensor
 from ertskin.physics.skin import Skin, lagrange_weights
 
@@ -151,3 +151,11 @@ def shaped(law: PiezoPolynomial, change: Array) -> PiezoPolynomial:
     coefficients[1 : 1 + len(change)] += change
     coefficients[0] += 1.0 - chebyshev.chebval(-1.0, coefficients)
     return replace(law, coefficients=coefficients)
+
+
+def law_factors(law: PiezoPolynomial) -> tuple[Array, Array]:
+    """A law over its value unpressed, from no pressure to its largest (K,), and its derivatives (K,SHAPE) by what
+    ``shaped`` changes of it, in which it is linear."""
+    coordinate = np.linspace(-1.0, 1.0, CHECKED)
+    each = chebyshev.chebvander(coordinate, SHAPE)
+    return np.asarray(chebyshev.chebval(coordinate, law.coefficients)), np.asarray((each - each[0])[:, 1:])

@@ -7,10 +7,10 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from scipy.optimize import least_squares, lsq_linear
+from scipy.optimize import least_squares, lsq_linear, minimize
 
 from ertskin.diagnosis.fit import levenberg_marquardt
-from ertskin.diagnosis.fit.levenberg_marquardt import Fit, LocalModel, Quadratic, bounded_step, descend
+from ertskin.diagnosis.fit.levenberg_marquardt import Fit, Inequalities, LocalModel, Quadratic, bounded_step, descend
 
 Array = NDArray[np.float64]
 WIDE = np.full(2, 1e3)
@@ -103,6 +103,44 @@ def test_what_leans_on_two_bounds_leaves_the_one_it_gains_by() -> None:
     model = LocalModel(np.array([100.0, 500.0]), curvature)
     step = bounded_step(model, np.zeros(2), np.array([0.0, -10.0]), np.array([10.0, 0.0]), damping=0.0)
     assert step == pytest.approx([1.0, 0.0])
+
+
+def test_a_step_goes_along_the_inequalities_that_it_would_break() -> None:
+    steps = [_step_within_inequalities(np.random.default_rng(seed)) for seed in range(100)]
+    assert all((rows @ step >= least - 1e-9).all() for step, _, rows, least in steps)
+    assert any((rows @ step < least + 1e-9).any() for step, _, rows, least in steps)
+    assert all(abs(short) < 1e-6 for _, short, _, _ in steps)
+
+
+def _step_within_inequalities(rng: np.random.Generator) -> tuple[Array, float, Array, Array]:
+    """A step, by what part of a library's gain it falls short of that, and the inequalities."""
+    matrix, target = rng.normal(size=(12, 5)), 3 * rng.normal(size=12)
+    model = LocalModel(matrix.T @ target, matrix.T @ matrix)
+    rows, least, low, high = rng.normal(size=(4, 5)), -rng.uniform(0.05, 0.5, 4), np.full(5, -0.4), np.full(5, 0.4)
+    step = bounded_step(model, np.zeros(5), low, high, 0.0, Inequalities(rows, least))
+    best = minimize(
+        lambda x: -model.promised(x),
+        np.zeros(5),
+        jac=lambda x: model.curvature @ x - model.slope,
+        method="SLSQP",
+        bounds=list(zip(low, high, strict=True)),
+        constraints={"type": "ineq", "fun": lambda x: rows @ x - least, "jac": lambda x: rows},
+        options={"ftol": 1e-13, "maxiter": 200},
+    )
+    return step, 1 + model.promised(step) / best.fun, rows, least
+
+
+def test_a_descent_goes_along_a_wall_behind_which_there_is_nothing() -> None:
+    jacobian = np.array([[10.0, 10.0], [1.0, -1.0]])
+
+    def wrong(x: Array) -> Array:
+        return jacobian @ x - np.array([10.0, -8.0]) if x[0] > 0.1 else np.full(2, np.inf)
+
+    wall = Inequalities(np.array([[1.0, 0.0]]), np.array([0.2]))
+    along, _ = descended(wrong, lambda x: jacobian, np.array([2.0, 3.0]), inequalities=wall)
+    assert along.value == pytest.approx([0.2, 176.4 / 202])
+    before, _ = descended(wrong, lambda x: jacobian, np.array([2.0, 3.0]))
+    assert before.quadratic.cost[0] > 1.05 * along.quadratic.cost[0]
 
 
 def test_a_second_order_part_is_made_positive_where_a_variable_hardly_shows() -> None:
