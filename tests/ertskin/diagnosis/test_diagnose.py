@@ -43,6 +43,13 @@ def findings(path: Path, hidden: dict[str, float], seed: int) -> Findings:
     return diagnose_any(read_recording(path), path.name, lambda share, text: None, "fast")
 
 
+@pytest.fixture(scope="module")
+def loop(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Findings]:
+    """A recording with a loop, and what is found on it."""
+    path = tmp_path_factory.mktemp("loop") / "hidden.h5"
+    return path, findings(path, {"piezo_hysteresis": 1.0}, seed=6)
+
+
 @pytest.mark.timeout(300)
 def test_nothing_is_named_where_nothing_was_left_out(tmp_path: Path) -> None:
     found = diagnosed(tmp_path, {}, seed=5)
@@ -52,9 +59,10 @@ def test_nothing_is_named_where_nothing_was_left_out(tmp_path: Path) -> None:
 
 
 @pytest.mark.timeout(300)
-def test_the_calibration_fitted_with_the_effects_is_the_one_that_is_simulated_with_them(tmp_path: Path) -> None:
-    path = tmp_path / "hidden.h5"
-    found = findings(path, {"piezo_hysteresis": 1.0}, seed=6)
+def test_the_calibration_fitted_with_the_effects_is_the_one_that_is_simulated_with_them(
+    tmp_path: Path, loop: tuple[Path, Findings]
+) -> None:
+    path, found = loop
     recording = read_recording(path)
     assert [claim.effect.name for claim in found.diagnosis.claims] == ["piezo_hysteresis"]
     own, _ = fit_recording(recording, path.name, resolution="fast")
@@ -76,15 +84,20 @@ def test_the_calibration_fitted_with_the_effects_is_the_one_that_is_simulated_wi
     assert excess[1] < 0.5 * excess[0]
 
 
+def test_of_few_presses_what_all_of_them_show_is_handed_on(loop: tuple[Path, Findings]) -> None:
+    handed_on_of_all_presses(loop[1], chosen_from_all=False)
+
+
 @pytest.mark.timeout(300)
-@pytest.mark.parametrize("every", [2, 1], ids=["chosen from all", "fitted to all"])
-def test_of_few_presses_what_all_of_them_show_is_handed_on(tmp_path: Path, every: int) -> None:
-    path = tmp_path / "hidden.h5"
-    write_bench(path, "quick", {"piezo_hysteresis": 1.0}, seed=6, resolution=FAST)
-    whole = read_recording(path)
+def test_of_very_few_presses_effects_are_chosen_from_all(loop: tuple[Path, Findings]) -> None:
+    whole = read_recording(loop[0])
     assert whole.frames is not None
-    few = presses_of(whole, made_presses(whole.frames)[::every].tolist())
-    found = diagnose_any(few, path.name, lambda share, text: None, "fast")
+    few = presses_of(whole, made_presses(whole.frames)[::2].tolist())
+    handed_on_of_all_presses(diagnose_any(few, "few.h5", lambda share, text: None, "fast"), chosen_from_all=True)
+
+
+def handed_on_of_all_presses(found: Findings, *, chosen_from_all: bool) -> None:
+    """What all presses show is handed on: the effects chosen from them anew, or those found fitted to all."""
     assert found.whole is not None
     assert found.selection is not None
     assert "piezo_hysteresis" in [effect.name for effect in found.diagnosis.effects]
@@ -93,7 +106,7 @@ def test_of_few_presses_what_all_of_them_show_is_handed_on(tmp_path: Path, every
     calibration = joint_calibration(found)
     assert calibration is not None
     np.testing.assert_array_equal(calibration.contact_resistance_ohm, found.whole.after.calibration.contact_ohm)
-    assert (found.whole.chosen is found.selection.chosen) == (every == 1)
+    assert (found.whole.chosen is found.selection.chosen) == (not chosen_from_all)
     assert found.diagnosis.as_builtins()["of_all_presses"] == [effect.name for effect in found.diagnosis.effects]
 
 

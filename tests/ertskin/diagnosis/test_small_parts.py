@@ -21,8 +21,10 @@ from ertskin.diagnosis.contract.claims import (
     verdict_of,
 )
 from ertskin.diagnosis.criteria import DEFAULT
+from ertskin.diagnosis.fit.bounded_step import Region
 from ertskin.diagnosis.fit.joint_fit import Solved, VoltageProblem
-from ertskin.diagnosis.fit.levenberg_marquardt import Fit, Quadratic, descend
+from ertskin.diagnosis.fit.levenberg_marquardt import Fit, descend
+from ertskin.diagnosis.fit.quadratic import Quadratic
 from ertskin.diagnosis.force.fit import ForceData, fit_force, force_starts
 from ertskin.diagnosis.force.selection import select_force_effects
 from ertskin.diagnosis.judge.held_out import broad_ratio
@@ -60,8 +62,7 @@ def test_descent_finds_a_bounded_minimum() -> None:
         linearise,
         lambda x: float(linearise(x).cost[0]),
         np.zeros(2),
-        low,
-        high,
+        Region(low, high),
         np.zeros(2),
         np.zeros(2),
         tolerance=1e-12,
@@ -93,7 +94,13 @@ def test_no_step_of_a_descent_is_longer_than_asked() -> None:
 
     wide = np.full(2, 1e3)
     fit = descend(
-        linearise, cost, np.array([0.0, 0.05]), -wide, wide, np.zeros(2), np.zeros(2), longest=np.array([np.inf, 0.5])
+        linearise,
+        cost,
+        np.array([0.0, 0.05]),
+        Region(-wide, wide),
+        np.zeros(2),
+        np.zeros(2),
+        longest=np.array([np.inf, 0.5]),
     )
     assert np.abs(np.diff([x[1] for x in asked])).max() <= 1.0
     assert abs(asked[1][1] - 0.05) == pytest.approx(0.5)

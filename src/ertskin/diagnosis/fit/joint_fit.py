@@ -11,9 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ertskin.cores import in_threads
+from ertskin.diagnosis.fit.bounded_step import Inequalities, Region, bounded_step
 from ertskin.diagnosis.fit.full_scans import full_scans
-from ertskin.diagnosis.fit.levenberg_marquardt import Fit, Inequalities, Quadratic, bounded_step, descend
+from ertskin.diagnosis.fit.levenberg_marquardt import Fit, descend
 from ertskin.diagnosis.fit.nonreciprocal import AcquisitionSignal, acquires
+from ertskin.diagnosis.fit.quadratic import Quadratic
 from ertskin.diagnosis.linear.calibration_vector import (
     CONTACT_SPREAD,
     SHAPE,
@@ -168,7 +170,7 @@ class Solved:
             if kept.effect.known(key).defining:
                 low[number] = high[number] = kept.effect.known(key).neutral
         model = self.fit.local_model
-        return -model.promised(bounded_step(model, self.fit.value, low, high, damping=0.0))
+        return -model.promised(bounded_step(model, self.fit.value, Region(low, high), damping=0.0))
 
     def known(self, term: int, key: str) -> tuple[float, float]:
         """A free parameter's value and its standard error.
@@ -252,7 +254,6 @@ class VoltageProblem:
         self._always_leftover = leftover
         layout = _Layout(tuple(terms), len(start.vector()))
         begin = np.concatenate([start.vector(), *[t.start for t in terms]])
-        low, high = layout.bounds(begin)
         mean, precision = layout.prior(self.family.first.contact_resistance_ohm)
         longest = np.full(len(begin), np.inf)
         longest[1 : layout.ratio] = LONGEST_CONTACT_STEP
@@ -260,15 +261,13 @@ class VoltageProblem:
             lambda x: self._linearise(layout, x),
             lambda x: self._cost(layout, x),
             begin,
-            low,
-            high,
+            Region(*layout.bounds(begin), layout.law_above(self.family.first.piezo, 2 * LEAST_LAW)),
             mean,
             precision,
             steps=steps,
             longest=longest,
             # Derivatives of an earlier fit aren't this one's slopes.
             secants=not self.reuse,
-            inequalities=layout.law_above(self.family.first.piezo, 2 * LEAST_LAW),
         )
         calibration, solved = layout.split(fit.value)
         skin = self.family.skin(calibration, [t.effect for t in solved])

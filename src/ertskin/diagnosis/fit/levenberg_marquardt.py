@@ -12,7 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import nnls
+
+from ertskin.diagnosis.fit.bounded_step import Region, bounded_step
+from ertskin.diagnosis.fit.quadratic import LocalModel, Quadratic
 
 Array = NDArray[np.float64]
 
@@ -21,45 +23,8 @@ TRIES = 8
 TINY = 1e-300
 LEAST_CURVATURE = 1e-9
 """Of a direction along which the augmented model would curve downwards, in units of its own diagonal."""
-RANK = 1e-12
-"""Part of the largest curvature, in units of the diagonal, below which a direction isn't known."""
-ROUNDING = 1e-9
-"""Of a step in units of the diagonal, by which an inequality may be broken."""
 STEEPEST = 1e-8
 """Part of a step's Gauss-Newton curvature that its secant must have at least to be believed."""
-
-
-@dataclass(frozen=True, eq=False)
-class Quadratic:
-    """Half chi-square near a point: cost - gradient.d + d'hessian d/2, by fold (F,), (F,n), (F,n,n)."""
-
-    cost: Array
-    gradient: Array
-    hessian: Array
-
-    def add(self, fold: int, wrong: Array, columns: Array, which: NDArray[np.intp], share: float = 1.0) -> None:
-        """Count residuals (m,) with their ``columns`` (m,c) by the variables ``which`` (c,) in a fold."""
-        self.cost[fold] += 0.5 * share * float(wrong @ wrong)
-        self.gradient[fold, which] += share * (columns.T @ wrong)
-        self.hessian[fold, which[:, None], which] += share * (columns.T @ columns)
-
-
-@dataclass(frozen=True, eq=False)
-class LocalModel:
-    """A cost near a point: cost - slope.d + d'curvature d/2; ``slope`` (n,) is minus its gradient."""
-
-    slope: Array
-    curvature: Array
-
-    @classmethod
-    def of(cls, quadratic: Quadratic, prior: Array, from_prior: Array) -> LocalModel:
-        """Gauss-Newton's, with a prior of diagonal Hessian (n,n), ``from_prior`` (n,) away from its mean."""
-        slope = quadratic.gradient.sum(axis=0) - prior.diagonal() * from_prior
-        return cls(slope, quadratic.hessian.sum(axis=0) + prior)
-
-    def promised(self, step: Array) -> float:
-        """What a step (n,) is expected to gain."""
-        return float(self.slope @ step - 0.5 * step @ self.curvature @ step)
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,14 +60,6 @@ class Fit:
         return np.asarray(pulls.T @ pulls * folds / (folds - 1))
 
 
-@dataclass(frozen=True, eq=False)
-class Inequalities:
-    """What values (n,) must fulfil: ``rows`` (k,n) times them is at least ``least`` (k,)."""
-
-    rows: Array
-    least: Array
-
-
 Linearise = Callable[[Array], Quadratic]
 Cost = Callable[[Array], float]
 
@@ -115,8 +72,7 @@ def descend(
     linearise: Linearise,
     cost: Cost,
     start: Array,
-    low: Array,
-    high: Array,
+    region: Region,
     prior_mean: Array,
     prior_precision: Array,
     *,
@@ -124,29 +80,23 @@ def descend(
     tolerance: float = 0.05,
     longest: Array | float = np.inf,
     secants: bool = True,
-    inequalities: Inequalities | None = None,
 ) -> Fit:
-    """Minimise cost(x) + prior within bounds; ``cost`` and ``linearise`` are half chi-squares.
+    """Minimise cost(x) + prior in a region; ``cost`` and ``linearise`` are half chi-squares.
 
-    A step goes along what of the ``inequalities`` it would break. Where ``cost`` is infinite without one that says so,
-    damping alone keeps from there, and the descent may come to rest where that begins.
-
-    Stops when a step gains less than ``tolerance`` in half chi-square. No step is longer than ``longest`` (n,):
-    what the data hardly tell of would be taken to where nothing is as linearised. ``secants`` estimate the second-order
-    part of the Hessian, for which ``linearise`` must give the true gradient of ``cost``.
+    Stops when a step gains less than ``tolerance``. None is longer than ``longest`` (n,): what the data hardly tell of
+    would be taken to where nothing is as linearised. Where ``cost`` is infinite, and the region doesn't say so, damping
+    alone keeps from there. ``secants`` need the true gradient of ``cost`` from ``linearise``.
     """
-    value, prior = np.clip(start, low, high), np.diag(prior_precision)
+    value, prior = region.clip(start), np.diag(prior_precision)
     total = _with_prior(cost, prior_mean, prior_precision)
     lowest, damping, taken = total(value), 1e-6, 0
     quadratic = linearise(value)
     model, second = LocalModel.of(quadratic, prior, value - prior_mean), _SecondOrder(np.zeros_like(prior))
     while taken < steps:
         taken += 1
-        bounds, begun = (np.maximum(low, value - longest), np.minimum(high, value + longest)), value
+        begun, within = value, region.near(value, longest)
         leading = second.augmented(model) if second.leads else model
-        value, reached, damping = _downhill(
-            total, (value, lowest), leading, (*bounds, inequalities), damping, tolerance
-        )
+        value, reached, damping = _downhill(total, (value, lowest), leading, within, damping, tolerance)
         gained, lowest = lowest - reached, reached
         if gained <= 0:
             break
@@ -206,7 +156,7 @@ def _downhill(
     total: Cost,
     begun: tuple[Array, float],
     model: LocalModel,
-    within: tuple[Array, Array, Inequalities | None],
+    region: Region,
     damping: float,
     tolerance: float,
 ) -> tuple[Array, float, float]:
@@ -214,12 +164,12 @@ def _downhill(
 
     The point itself where none comes down, or what the step promises is less than ``tolerance``.
     """
-    (value, lowest), (low, high, inequalities) = begun, within
+    value, lowest = begun
     for _ in range(TRIES):
-        step = bounded_step(model, value, low, high, damping, inequalities)
+        step = bounded_step(model, value, region, damping)
         if not np.isfinite(step).all():
             break
-        trial = np.clip(value + step, low, high)
+        trial = region.clip(value + step)
         promised = model.promised(trial - value)
         # A step that a bound cuts short may lead uphill.
         trial_cost = total(trial) if promised > 0 else np.inf
@@ -229,61 +179,3 @@ def _downhill(
             break
         damping = max(damping * 20, 1e-4)
     return value, lowest, damping
-
-
-def bounded_step(
-    model: LocalModel, value: Array, low: Array, high: Array, damping: float, inequalities: Inequalities | None = None
-) -> Array:
-    """The damped Newton step (n,) that promises most of those within bounds (n,) and inequalities; none, where there
-    is no such step."""
-    free = low < high
-    step = np.where(free, 0.0, low - value)
-    diagonal = np.diag(model.curvature)[free]
-    root = np.sqrt(np.where(diagonal > TINY, diagonal, 1.0))
-    matrix = model.curvature[np.ix_(free, free)] / root[:, None] / root + damping * np.eye(len(root))
-    slope = (model.slope[free] - model.curvature[np.ix_(free, ~free)] @ step[~free]) / root
-    # Both bounds, as inequalities of the scaled step, and the others.
-    within = np.eye(len(root))
-    rows, least = [within, -within], [root * (low - value)[free], root * (value - high)[free]]
-    if inequalities is not None:
-        scaled = inequalities.rows[:, free] / root
-        size = np.maximum(np.linalg.norm(scaled, axis=1), TINY)
-        rows.append(scaled / size[:, None])
-        least.append((inequalities.least - inequalities.rows @ (value + step)) / size)
-    step[free] = _best_within(matrix, slope, np.concatenate(rows), np.concatenate(least)) / root
-    return step
-
-
-def _best_within(matrix: Array, slope: Array, rows: Array, least: Array) -> Array:
-    """The step s (n,) of largest slope.s - s'matrix s/2 with rows (k,n) times s at least ``least`` (k,); 0 if none is.
-
-    Of the rows those come in that a step without them would break.
-    """
-    size, vector = np.linalg.eigh(matrix)
-    shown = size > RANK * size[-1]
-    white = vector[:, shown] / np.sqrt(size[shown])
-    free, asked = white.T @ slope, np.zeros(len(least), dtype=bool)
-    step = white @ free
-    while True:
-        broken = ~asked & (rows @ step < least - ROUNDING)
-        if not broken.any():
-            return np.asarray(step)
-        asked |= broken
-        nearest = _nearest(free, rows[asked] @ white, least[asked])
-        if nearest is None:
-            return np.zeros(len(slope))
-        step = white @ nearest
-
-
-def _nearest(point: Array, rows: Array, least: Array) -> Array | None:
-    """The y (n,) nearest to a point with rows (k,n) times y at least ``least`` (k,); None where there is none.
-
-    Least distance programming (Lawson & Hanson, Solving Least Squares Problems (1974), ch. 23) by way of nnls.
-    """
-    short = least - rows @ point
-    unit = max(float(np.abs(short).max()), TINY)
-    dual = np.vstack([rows.T, short / unit])
-    goal = np.zeros(len(dual))
-    goal[-1] = 1.0
-    rest = dual @ nnls(dual, goal)[0] - goal
-    return np.asarray(point - unit * rest[:-1] / rest[-1]) if rest[-1] < -RANK else None

@@ -13,7 +13,8 @@ from ertskin.diagnosis.contract.claims import FORM, estimate
 from ertskin.diagnosis.criteria import DEFAULT
 from ertskin.diagnosis.fit.full_solution_check import CheckedFit
 from ertskin.diagnosis.fit.joint_fit import Solved, Term, _numbers, held_out
-from ertskin.diagnosis.fit.levenberg_marquardt import Fit, Quadratic
+from ertskin.diagnosis.fit.levenberg_marquardt import Fit
+from ertskin.diagnosis.fit.quadratic import Quadratic
 from ertskin.diagnosis.search import selection, settling, trials
 from ertskin.physics.conduction.mesh import MeshError
 from ertskin.physics.effects.crosstalk import Crosstalk

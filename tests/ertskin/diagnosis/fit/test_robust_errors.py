@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from ertskin.diagnosis.fit.levenberg_marquardt import Fit, Quadratic
+from ertskin.diagnosis.fit.levenberg_marquardt import Fit
+from ertskin.diagnosis.fit.quadratic import Quadratic
 
 FOLDS, ROWS = 60, 10
 

@@ -7,7 +7,8 @@ import pytest
 
 from ertskin.diagnosis.criteria import DEFAULT
 from ertskin.diagnosis.fit.joint_fit import Modes, Solved, Term
-from ertskin.diagnosis.fit.levenberg_marquardt import Fit, Quadratic
+from ertskin.diagnosis.fit.levenberg_marquardt import Fit
+from ertskin.diagnosis.fit.quadratic import Quadratic
 from ertskin.diagnosis.search import gain
 from ertskin.physics.effects.sheet_inhomogeneity import SheetInhomogeneity
 
