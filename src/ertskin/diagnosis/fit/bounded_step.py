@@ -17,6 +17,8 @@ RANK = 1e-12
 """Part of the largest curvature, in units of the diagonal, below which a direction isn't known."""
 ROUNDING = 1e-9
 """Of a step in units of the diagonal, by which an inequality may be broken."""
+NEVER = 1e-12
+"""What is left of the dual of a least distance problem, below which no point fulfils it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,10 +45,20 @@ class Region:
         """The part of it no further than ``reach`` (n,) from ``value`` (n,)."""
         return replace(self, low=np.maximum(self.low, value - reach), high=np.minimum(self.high, value + reach))
 
+    def with_in_it(self, value: Array) -> Region:
+        """The region whose inequalities ask no more than ``value`` (n,) fulfils: a descent may begin at it."""
+        if self.inequalities is None:
+            return self
+        least = np.minimum(self.inequalities.least, self.inequalities.rows @ value)
+        return replace(self, inequalities=replace(self.inequalities, least=least))
+
 
 def bounded_step(model: LocalModel, value: Array, region: Region, damping: float) -> Array:
-    """The damped Newton step (n,) from ``value`` that promises most of those that stay in a region; none, where no
-    step leads there."""
+    """The damped Newton step (n,) from ``value`` (n,) that promises most of those that stay in a region; numbers whose
+    bounds meet go to them. The others stay where no step leads into the region.
+
+    Undamped, directions that the model doesn't know aren't taken, not even to get along a bound.
+    """
     low, high = region.low - value, region.high - value
     free = low < high
     step = np.where(free, 0.0, low)
@@ -58,9 +70,10 @@ def bounded_step(model: LocalModel, value: Array, region: Region, damping: float
     rows, least = [unit, -unit], [root * low[free], -root * high[free]]
     if region.inequalities is not None:
         scaled = region.inequalities.rows[:, free] / root
-        size = np.maximum(np.linalg.norm(scaled, axis=1), TINY)
-        rows.append(scaled / size[:, None])
-        least.append((region.inequalities.least - region.inequalities.rows @ (value + step)) / size)
+        size = np.linalg.norm(scaled, axis=1)
+        asked = size > TINY
+        rows.append(scaled[asked] / size[asked, None])
+        least.append((region.inequalities.least - region.inequalities.rows @ (value + step))[asked] / size[asked])
     step[free] = _best_within(matrix, slope, np.concatenate(rows), np.concatenate(least)) / root
     return step
 
@@ -87,7 +100,7 @@ def _best_within(matrix: Array, slope: Array, rows: Array, least: Array) -> Arra
 
 
 def _nearest(point: Array, rows: Array, least: Array) -> Array | None:
-    """The y (n,) nearest to a point with rows (k,n) times y at least ``least`` (k,); None where there is none.
+    """The y (n,) nearest to a point with rows (k,n) times y at least ``least`` (k,); None where none is found.
 
     Least distance programming (Lawson & Hanson, Solving Least Squares Problems (1974), ch. 23) by way of nnls.
     """
@@ -96,5 +109,8 @@ def _nearest(point: Array, rows: Array, least: Array) -> Array | None:
     dual = np.vstack([rows.T, short / unit])
     goal = np.zeros(len(dual))
     goal[-1] = 1.0
-    rest = dual @ nnls(dual, goal)[0] - goal
-    return np.asarray(point - unit * rest[:-1] / rest[-1]) if rest[-1] < -RANK else None
+    try:
+        rest = dual @ nnls(dual, goal)[0] - goal
+    except RuntimeError:  # it hasn't converged
+        return None
+    return np.asarray(point - unit * rest[:-1] / rest[-1]) if rest[-1] < -NEVER else None

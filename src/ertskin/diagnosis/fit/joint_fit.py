@@ -36,6 +36,8 @@ from ertskin.physics.skin import Skin
 
 Array = NDArray[np.float64]
 
+LEAST_DAMPING = 1e-9
+"""Of a step without a term, so that numbers the data hardly tell may go along a bound."""
 LEAST_OHM, MOST_OHM = 1e-2, 1e9
 """Between which a sheet's and a contact's resistance are looked for."""
 RATIO_PRIOR = 1.0
@@ -163,14 +165,16 @@ class Solved:
     def rise_without(self, term: int) -> float:
         """Half chi-square and prior that are lost without a term, by the local model: its defining numbers neutral, its
         others and a field's sizes kept."""
-        low, high = np.full((2, len(self.fit.value)), [[-np.inf], [np.inf]])
+        region = self.fit.region or Region(*np.full((2, len(self.fit.value)), [[-np.inf], [np.inf]]))
+        low, high = region.low.copy(), region.high.copy()
         first, kept = self.first(term), self.terms[term]
         low[first : first + kept.count] = high[first : first + kept.count] = self.fit.value[first : first + kept.count]
         for number, key in enumerate(kept.free, first):
             if kept.effect.known(key).defining:
                 low[number] = high[number] = kept.effect.known(key).neutral
         model = self.fit.local_model
-        return -model.promised(bounded_step(model, self.fit.value, Region(low, high), damping=0.0))
+        without = replace(region, low=low, high=high)
+        return -model.promised(bounded_step(model, self.fit.value, without, damping=LEAST_DAMPING))
 
     def known(self, term: int, key: str) -> tuple[float, float]:
         """A free parameter's value and its standard error.

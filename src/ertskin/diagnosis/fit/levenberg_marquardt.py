@@ -29,13 +29,15 @@ STEEPEST = 1e-8
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """Where the descent ended: values (n,), the quadratic there (prior not included), the prior's Hessian and mean."""
+    """Where the descent ended: values (n,), the quadratic there (prior not included), the prior's Hessian and mean, and
+    the region it went in (all, if None)."""
 
     value: Array
     quadratic: Quadratic
     prior: Array
     steps: int
     prior_mean: Array | float = 0.0
+    region: Region | None = None
 
     @property
     def from_prior(self) -> Array:
@@ -88,6 +90,7 @@ def descend(
     alone keeps from there. ``secants`` need the true gradient of ``cost`` from ``linearise``.
     """
     value, prior = region.clip(start), np.diag(prior_precision)
+    region = region.with_in_it(value)
     total = _with_prior(cost, prior_mean, prior_precision)
     lowest, damping, taken = total(value), 1e-6, 0
     quadratic = linearise(value)
@@ -98,7 +101,7 @@ def descend(
         leading = second.augmented(model) if second.leads else model
         value, reached, damping = _downhill(total, (value, lowest), leading, within, damping, tolerance)
         gained, lowest = lowest - reached, reached
-        if gained <= 0:
+        if not gained > 0:
             break
         quadratic = linearise(value)
         if gained < tolerance:
@@ -106,7 +109,7 @@ def descend(
         before, model = model, LocalModel.of(quadratic, prior, value - prior_mean)
         if secants:
             second.learn(before, model, value - begun, gained)
-    return Fit(value, quadratic, prior, taken, prior_mean)
+    return Fit(value, quadratic, prior, taken, prior_mean, region)
 
 
 @dataclass(eq=False)
@@ -171,7 +174,7 @@ def _downhill(
             break
         trial = region.clip(value + step)
         promised = model.promised(trial - value)
-        # A step that a bound cuts short may lead uphill.
+        # Where no step leads along the region's border none is promised anything.
         trial_cost = total(trial) if promised > 0 else np.inf
         if trial_cost < lowest:
             return trial, trial_cost, max(damping / 10, 1e-9)

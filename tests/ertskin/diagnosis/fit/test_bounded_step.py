@@ -63,3 +63,27 @@ def test_a_number_that_does_not_show_is_left_where_it_is() -> None:
     model = LocalModel(np.array([2.0, 0.0]), np.diag([1.0, 0.0]))
     region = Region(np.array([-1.0, -1.0]), np.array([1.0, 1.0]))
     np.testing.assert_allclose(bounded_step(model, np.array([0.0, 0.5]), region, damping=1e-6), [1.0, 0.0], atol=1e-9)
+
+
+def test_a_row_of_numbers_that_are_held_keeps_none_of_the_others() -> None:
+    model = LocalModel(np.ones(2), np.eye(2))
+    held = Region(np.array([0.7, -1.0]), np.array([0.7, 1.0]), Inequalities(np.array([[3.0, 0.0]]), np.array([2.1])))
+    np.testing.assert_allclose(bounded_step(model, np.array([0.7, 0.0]), held, damping=0.0), [0.0, 1.0])
+
+
+@pytest.mark.parametrize("decades", [0, 3, 6])
+def test_scales_and_near_duplicates_do_not_matter(decades: int) -> None:
+    """Four hundred rows of a polynomial, as a law's; variables in units that differ by decades."""
+    rng = np.random.default_rng(decades)
+    design = np.polynomial.chebyshev.chebvander(np.linspace(-1, 1, 400), 9)[:, 1:]
+    for _ in range(20):
+        unit = 10 ** rng.uniform(-decades, decades, 12)
+        matrix, target = rng.normal(size=(30, 12)), 20 * rng.normal(size=30)
+        rows = np.hstack([np.zeros((400, 3)), design])
+        alike = LocalModel(matrix.T @ target, matrix.T @ matrix)
+        bounds = Region(np.full(12, -2.0), np.full(12, 2.0), Inequalities(rows, np.full(400, -0.3)))
+        step = bounded_step(alike, np.zeros(12), bounds, damping=1e-9)
+        assert (rows @ step).min() == pytest.approx(-0.3, abs=1e-6)
+        scaled = LocalModel(alike.slope / unit, alike.curvature / unit[:, None] / unit)
+        region = Region(bounds.low * unit, bounds.high * unit, Inequalities(rows / unit, np.full(400, -0.3)))
+        np.testing.assert_allclose(bounded_step(scaled, np.zeros(12), region, damping=1e-9) / unit, step, atol=1e-5)

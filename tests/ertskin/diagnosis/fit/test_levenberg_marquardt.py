@@ -137,3 +137,12 @@ def test_earlier_secants_are_kept_where_a_step_says_nothing_of_them() -> None:
     np.testing.assert_allclose(steeper @ step, [0.0, 2.0])
     assert steeper[0, 0] == pytest.approx(0.5)
     np.testing.assert_array_equal(levenberg_marquardt._updated(part, curvature, step, -step), part)
+
+
+def test_a_descent_may_begin_outside_of_its_inequalities() -> None:
+    matrix = np.array([[1.0, 0.5, 0.2], [0.3, 1.0, 0.1], [0.1, 0.2, 1.0]])
+    target, low = np.array([-50.0, 0.0, 0.0]), Inequalities(np.array([[1.0, 0.0, 0.0]]), np.array([0.1]))
+    begin = np.linalg.solve(matrix, target) + np.array([0.0, 3.0, 0.0])
+    wide = np.full(3, 1e3)
+    fit, _ = descended(lambda x: matrix @ x - target, lambda x: matrix, begin, Region(-wide, wide, low))
+    assert fit.quadratic.cost[0] == pytest.approx(0.0, abs=1e-9)
