@@ -210,7 +210,9 @@ def _building(evidence: Evidence, baseline: Baseline, family: SkinFamily, fitted
     def build(solved: Solved | None) -> VoltageProblem:
         calibration, effects = (start, nominal.effects) if solved is None else (solved.calibration, solved.effects)
         skin = family.remeshed(calibration, effects)
-        return _problem(evidence, baseline, family, skin, baseline.force_n, fitted, report)
+        problem = _problem(evidence, baseline, family, skin, baseline.force_n, fitted, report)
+        problem.about = solved
+        return problem
 
     return build
 

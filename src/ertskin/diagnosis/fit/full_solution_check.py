@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ertskin.diagnosis.fit.joint_fit import Solved, VoltageProblem
+from ertskin.diagnosis.fit.levenberg_marquardt import Fit
 
 Problem = Callable[[Solved | None], VoltageProblem]
 
@@ -19,6 +20,7 @@ TURNS = 6
 NEARER = 0.7
 """Factor by which a turn must bring the linearised skin nearer to the skin for another to be worth it."""
 
+TINY = 1e-300
 EXACT_TURNS = 3
 UNMOVED = 1.0
 """Standard errors by which a turn may move a number and be the last one: where a turn moved one by 0.6 the next moved
@@ -41,6 +43,21 @@ class CheckedFit:
         claimed = float(np.sqrt(np.mean(self.solved.scan_residual[_sampled(self.problem)] ** 2)))
         return not self.off <= FAR * max(1.0, claimed)
 
+    @property
+    def holds(self) -> bool:
+        """Whether to linearise about the fit would change nothing that counts."""
+        return not self.linearisation_fails or self.linearised_about_itself
+
+    @property
+    def linearised_about_itself(self) -> bool:
+        """Whether the skin is linearised within a standard error of the fit: about the fit it would be the same. The
+        calibration's numbers count together, for those of the law's shape hardly matter one by one."""
+        about = self.problem.about
+        if about is None or not _of_one_form(about, self.solved):
+            return False
+        moved, first = _moved(about.fit.value, self.solved.fit), self.solved.first(0)
+        return bool((moved[first:] <= UNMOVED).all() and np.mean(moved[:first] ** 2) <= UNMOVED**2)
+
     def spoils(self, other: CheckedFit) -> bool:
         """Whether frames solved in full fit worse than in the ``other``."""
         return not self.misfit <= self.problem.evidence.criteria.chance_ratio * other.misfit
@@ -61,7 +78,7 @@ def settled(build: Problem, solved: Solved) -> CheckedFit:
     """Linearised about the fit and fitted again, until the fit stays where the linearised skin is the skin.
 
     What presses have left behind elsewhere is to first order about rest wherever the skin is linearised: where that
-    is what they differ by, no further turn helps.
+    is what they differ by, no further turn helps; nor where the fit hasn't moved.
     """
     off = np.inf
     lasting = any(getattr(effect, "remembers_air", False) for effect in solved.effects)
@@ -69,7 +86,7 @@ def settled(build: Problem, solved: Solved) -> CheckedFit:
         problem = build(solved)
         solved = problem.solve(solved.terms, solved.calibration)
         checked = checked_fit(problem, solved)
-        if not checked.linearisation_fails or (lasting and checked.off > NEARER * off):
+        if checked.holds or (lasting and checked.off > NEARER * off):
             break
         off = checked.off
     return checked
@@ -84,11 +101,23 @@ def exact(problem: VoltageProblem, solved: Solved) -> tuple[VoltageProblem, Solv
     for _ in range(EXACT_TURNS):
         corrected = problem.corrected(solved)
         proposed = corrected.solve(solved.terms, solved.calibration)
-        moved = np.abs(proposed.fit.value - solved.fit.value)
-        problem, solved = corrected, proposed
-        if (moved <= UNMOVED * np.sqrt(np.diag(solved.fit.covariance))).all():
+        problem, moved, solved = corrected, _moved(solved.fit.value, proposed.fit), proposed
+        if (moved <= UNMOVED).all():
             break
     return problem, solved
+
+
+def _moved(value: NDArray[np.float64], fit: Fit) -> NDArray[np.float64]:
+    """(n,) how far the numbers of a fit are from ``value`` (n,), in standard errors."""
+    return np.asarray(np.abs(fit.value - value) / np.sqrt(np.maximum(np.diag(fit.covariance), TINY)))
+
+
+def _of_one_form(one: Solved, other: Solved) -> bool:
+    """Whether two fits differ in nothing but their numbers."""
+    return len(one.terms) == len(other.terms) and all(
+        a.free == b.free and a.modes is b.modes and a.at(b.start).effect == b.effect
+        for a, b in zip(one.terms, other.terms, strict=True)
+    )
 
 
 def _sampled(problem: VoltageProblem) -> NDArray[np.intp]:

@@ -193,6 +193,7 @@ class VoltageProblem:
     """Everything the fit needs. ``cells`` (T,) the cell of each frame, ``weight`` (T,) 0 for frames left out.
 
     ``correction_v`` (T,P): what the skin solved in full adds to the linearised one's scans, nought unless asked for.
+    ``about``: the fit about which the skin is linearised, unless about where calibrating begins.
     """
 
     evidence: Evidence
@@ -202,6 +203,7 @@ class VoltageProblem:
     cells: NDArray[np.intp]
     weight: Array
     correction_v: Array | float = 0.0
+    about: Solved | None = None
     last_columns: tuple[NDArray[np.float32], Array] = field(init=False)
     last_leftover: tuple[NDArray[np.intp], Array] | None = field(init=False, default=None)
 
@@ -253,8 +255,17 @@ class VoltageProblem:
 
     # fitting -------------------------------------------------------------------------------------------------------
 
-    def solve(self, terms: Sequence[Term], start: Calibration, *, steps: int = 15, leftover: bool = False) -> Solved:
-        """Best calibration and effects; ``leftover`` counts the non-reciprocal part even without a term in it."""
+    def solve(
+        self,
+        terms: Sequence[Term],
+        start: Calibration,
+        *,
+        steps: int = 15,
+        leftover: bool = False,
+        hopeless: float = np.inf,
+    ) -> Solved:
+        """Best calibration and effects; ``leftover`` counts the non-reciprocal part even without a term in it. A fit
+        that is still above half a chi-square of ``hopeless`` when begun is left at that."""
         self._always_leftover = leftover
         layout = _Layout(tuple(terms), len(start.vector()))
         begin = np.concatenate([start.vector(), *[t.start for t in terms]])
@@ -272,6 +283,7 @@ class VoltageProblem:
             longest=longest,
             # Derivatives of an earlier fit aren't this one's slopes.
             secants=not self.reuse,
+            hopeless=hopeless,
         )
         calibration, solved = layout.split(fit.value)
         skin = self.family.skin(calibration, [t.effect for t in solved])

@@ -21,6 +21,8 @@ Array = NDArray[np.float64]
 TRIES = 8
 """Ever more damped steps that are tried."""
 TINY = 1e-300
+BEGUN = 4
+"""Steps after which a hopeless descent is seen to be one."""
 LEAST_CURVATURE = 1e-9
 """Of a direction along which the augmented model would curve downwards, in units of its own diagonal."""
 STEEPEST = 1e-8
@@ -82,12 +84,13 @@ def descend(
     tolerance: float = 0.05,
     longest: Array | float = np.inf,
     secants: bool = True,
+    hopeless: float = np.inf,
 ) -> Fit:
     """Minimise cost(x) + prior in a region; ``cost`` and ``linearise`` are half chi-squares.
 
-    Stops when a step gains less than ``tolerance``. None is longer than ``longest`` (n,): what the data hardly tell of
-    would be taken to where nothing is as linearised. Where ``cost`` is infinite, and the region doesn't say so, damping
-    alone keeps from there. ``secants`` need the true gradient of ``cost`` from ``linearise``.
+    Stops when a step gains less than ``tolerance``, or ``BEGUN`` steps end above ``hopeless``. None is longer than
+    ``longest`` (n,): what the data hardly tell of would be taken to where nothing is as linearised. Where ``cost`` is
+    infinite, and the region doesn't say so, damping alone keeps from there. ``secants`` need its true gradient.
     """
     value, prior = region.clip(start), np.diag(prior_precision)
     region = region.with_in_it(value)
@@ -95,8 +98,7 @@ def descend(
     lowest, damping, taken = total(value), 1e-6, 0
     quadratic = linearise(value)
     model, second = LocalModel.of(quadratic, prior, value - prior_mean), _SecondOrder(np.zeros_like(prior))
-    while taken < steps:
-        taken += 1
+    for taken in range(1, steps + 1):
         begun, within = value, region.near(value, longest)
         leading = second.augmented(model) if second.leads else model
         value, reached, damping = _downhill(total, (value, lowest), leading, within, damping, tolerance)
@@ -104,7 +106,7 @@ def descend(
         if not gained > 0:
             break
         quadratic = linearise(value)
-        if gained < tolerance:
+        if gained < tolerance or (taken == BEGUN and lowest > hopeless):
             break
         before, model = model, LocalModel.of(quadratic, prior, value - prior_mean)
         if secants:

@@ -146,3 +146,12 @@ def test_a_descent_may_begin_outside_of_its_inequalities() -> None:
     wide = np.full(3, 1e3)
     fit, _ = descended(lambda x: matrix @ x - target, lambda x: matrix, begin, Region(-wide, wide, low))
     assert fit.quadratic.cost[0] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_hopeless_descent_is_given_up_once_begun() -> None:
+    begin, few = np.array([25.0, 5.0]), levenberg_marquardt.BEGUN + 1
+    whole, often = descended(brown_dennis, brown_dennis_slope, begin)
+    assert often > few
+    for hopeless, asked in ((0.5 * whole.quadratic.cost[0], few), (1e9, often)):
+        _, counted = descended(brown_dennis, brown_dennis_slope, begin, hopeless=hopeless)
+        assert counted == asked
