@@ -300,7 +300,7 @@ def _in_full(problem: VoltageProblem, current: Solved) -> tuple[VoltageProblem, 
 
 
 def _reconsidered(build: Problem, incumbent: CheckedFit) -> CheckedFit:
-    """The fit begun again from the nominal ratio of moduli, where that fits significantly better than one far from it.
+    """The fit begun again from the nominal ratio of moduli, where that fits better than a ratio far from it.
 
     A ratio that made up for a missing effect doesn't come back by itself once the effect is there.
     """
@@ -309,7 +309,7 @@ def _reconsidered(build: Problem, incumbent: CheckedFit) -> CheckedFit:
         return incumbent
     nominal = replace(solved.calibration, log_ratio=0.0)
     again = incumbent.problem.solve(solved.terms, nominal, leftover=solved.leftover)
-    if again.cost > solved.cost - incumbent.problem.evidence.criteria.significant_gain:
+    if again.cost >= solved.cost:
         return incumbent
     proposed = where_it_settles(build, incumbent.problem, again)
     return incumbent if proposed is None or proposed.spoils(incumbent) else proposed
