@@ -9,7 +9,8 @@ import numpy as np
 from numba import njit
 from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
-from scipy.optimize import nnls
+
+from ertskin.physics.least_distance import nearest_point
 
 Array = NDArray[np.float64]
 
@@ -20,18 +21,12 @@ BLOCK = 128  # points whose law is summed together
 
 
 def _least_squares_nonincreasing(design: Array, target: Array, slopes: Array) -> Array:
-    """Coefficients c minimising |design c - target| with slopes @ c <= 0 (Lawson & Hanson's LSI, by way of nnls)."""
+    """Coefficients c minimising |design c - target| with slopes @ c <= 0 (Lawson & Hanson's LSI)."""
     q, r = np.linalg.qr(design)
-    bounded = -np.linalg.solve(r.T, slopes.T).T
-    free = q.T @ target
-    # Least distance: min |y - free| with bounded y >= 0, whose dual is a non-negative least-squares problem.
-    scale = max(float(np.abs(free).max()), 1e-300)
-    rows = np.vstack([bounded.T, -(bounded @ free)[None] / scale])
-    goal = np.zeros(rows.shape[0])
-    goal[-1] = 1.0
-    rest = rows @ nnls(rows, goal)[0] - goal
-    y = free - scale * rest[:-1] / rest[-1] if rest[-1] != 0 else free
-    return np.asarray(np.linalg.solve(r, y), dtype=float)
+    never_rising = nearest_point(q.T @ target, -np.linalg.solve(r.T, slopes.T).T, np.zeros(len(slopes)))
+    if never_rising is None:
+        raise ValueError("no law that never rises was found for this specimen")
+    return np.asarray(np.linalg.solve(r, never_rising), dtype=float)
 
 
 @dataclass(frozen=True, eq=False)

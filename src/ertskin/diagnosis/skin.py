@@ -210,9 +210,7 @@ def _building(evidence: Evidence, baseline: Baseline, family: SkinFamily, fitted
     def build(solved: Solved | None) -> VoltageProblem:
         calibration, effects = (start, nominal.effects) if solved is None else (solved.calibration, solved.effects)
         skin = family.remeshed(calibration, effects)
-        problem = _problem(evidence, baseline, family, skin, baseline.force_n, fitted, report)
-        problem.about = solved
-        return problem
+        return _problem(evidence, baseline, family, skin, baseline.force_n, fitted, report, solved)
 
     return build
 
@@ -263,12 +261,14 @@ def _problem(
     force_n: Array,
     fitted: Indices,
     report: Report,
+    about: Solved | None = None,
 ) -> VoltageProblem:
-    """The joint fit of the frames ``fitted``, under forces (T,C) in newton, linearised about ``skin``."""
+    """The joint fit of the frames ``fitted``, under forces (T,C) in newton, linearised about ``skin``, that of the fit
+    ``about`` if it is one's."""
     linear = LinearSkin(skin, evidence.history, force_n, fitted, lambda share, text: report(None, text))
     train = evidence.frames(fitted)
     cells = folds_of(evidence.history.press[fitted], FOLDS)
-    return VoltageProblem(train, family, linear, baseline.specimen, cells, np.ones(len(fitted)))
+    return VoltageProblem(train, family, linear, baseline.specimen, cells, np.ones(len(fitted)), about=about)
 
 
 def _with_remainder(findings: Findings, selection: Selection, found: Predictions) -> Findings:

@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import nnls
 
 from ertskin.diagnosis.fit.quadratic import LocalModel
+from ertskin.physics.least_distance import nearest_point
 
 Array = NDArray[np.float64]
 
@@ -17,8 +17,6 @@ RANK = 1e-12
 """Part of the largest curvature, in units of the diagonal, below which a direction isn't known."""
 ROUNDING = 1e-9
 """Of a step in units of the diagonal, by which an inequality may be broken."""
-NEVER = 1e-12
-"""What is left of the dual of a least distance problem, below which no point fulfils it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,24 +91,7 @@ def _best_within(matrix: Array, slope: Array, rows: Array, least: Array) -> Arra
         if not broken.any():
             return np.asarray(step)
         asked |= broken
-        nearest = _nearest(free, rows[asked] @ white, least[asked])
+        nearest = nearest_point(free, rows[asked] @ white, least[asked])
         if nearest is None:
             return np.zeros(len(slope))
         step = white @ nearest
-
-
-def _nearest(point: Array, rows: Array, least: Array) -> Array | None:
-    """The y (n,) nearest to a point with rows (k,n) times y at least ``least`` (k,); None where none is found.
-
-    Least distance programming (Lawson & Hanson, Solving Least Squares Problems (1974), ch. 23) by way of nnls.
-    """
-    short = least - rows @ point
-    unit = max(float(np.abs(short).max()), TINY)
-    dual = np.vstack([rows.T, short / unit])
-    goal = np.zeros(len(dual))
-    goal[-1] = 1.0
-    try:
-        rest = dual @ nnls(dual, goal)[0] - goal
-    except RuntimeError:  # it hasn't converged
-        return None
-    return np.asarray(point - unit * rest[:-1] / rest[-1]) if rest[-1] < -NEVER else None
