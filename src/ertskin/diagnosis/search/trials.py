@@ -10,7 +10,7 @@ import numpy as np
 from ertskin.diagnosis.criteria import Criteria
 from ertskin.diagnosis.fit.full_solution_check import CheckedFit
 from ertskin.diagnosis.fit.joint_fit import Solved, Term, VoltageProblem
-from ertskin.diagnosis.search.candidates import Candidate, number_of
+from ertskin.diagnosis.search.candidates import Candidate
 from ertskin.diagnosis.search.form_error import form_error
 from ertskin.diagnosis.search.forms import form_of
 from ertskin.diagnosis.search.gain import freedom, gained
@@ -73,22 +73,22 @@ def trials_of(
 def unforeseen(
     problem: VoltageProblem, current: Solved, found: Sequence[Candidate], partitions: Sequence[Sequence[int]]
 ) -> list[Trial]:
-    """Effects of which the tangent foretells harm, fitted from all their starts, best first; none where little is left.
-    Of what every electrode or channel may have those alone are fitted for which it does.
+    """Effects screened as a whole of which that foretells harm, fitted from all their starts, best first; none where
+    little is left.
 
-    A contact whose conductance a press multiplies is so far from a contact without that a first order says nothing.
+    A contact whose conductance a press multiplies is so far from a contact without that a first order says nothing. One
+    about nothing at all, as others are screened, says what a little of them would do.
     """
     if rms_of(current) <= problem.evidence.criteria.mismatch_ratio:
         return []
     least, sensor, protocol = worth_a_name(problem, current), problem.evidence.sensor, problem.evidence.protocol
-    harmful = [c.term.effect for c in found if c.gain < -least and not _of_instrument(c.term)]
-    which = {(effect.name, number_of(effect)) for effect in harmful}
+    harmful = {c.name: type(c.term.effect) for c in found if c.gain < -least and not _of_instrument(c.term)}
     trials = []
-    for kind in {effect.name: type(effect) for effect in harmful}.values():
+    for kind in harmful.values():
         if kind.hypothesis.field or any(c.name == kind.name and c.gain > least for c in found):
             continue
         for start in kind.reading_starts(sensor, protocol):
-            if (kind.name, number_of(start.effect)) not in which:
+            if start.along:
                 continue
             solved = problem.solve([*current.terms, Term(start.effect, start.free)], current.calibration)
             gain = gained(current, solved, partitions, problem.evidence.criteria)

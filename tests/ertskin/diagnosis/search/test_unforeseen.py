@@ -47,8 +47,8 @@ def test_nothing_is_fitted_where_little_is_left() -> None:
     assert not unforeseen(problem, problem.solve([], START), foreseen(-1e9), PARTITIONS)
 
 
-def test_only_the_electrode_that_the_tangent_foretells_harm_of_is_moved() -> None:
+def test_what_is_screened_about_nothing_at_all_is_not_fitted() -> None:
     problem = recorded(CONTACT)
     moved = ElectrodeDisplacement(electrode=3, dx_m=1e-3)
-    trials = unforeseen(problem, problem.solve([], START), [Candidate(Term(moved, ("dx_m", "dy_m")), -1e9)], PARTITIONS)
-    assert {(trial.term.name, trial.term.effect.electrode) for trial in trials} == {(moved.name, 3)}  # type: ignore[attr-defined]
+    found = [Candidate(Term(moved, ("dx_m", "dy_m")), -1e9)]
+    assert not unforeseen(problem, problem.solve([], START), found, PARTITIONS)
