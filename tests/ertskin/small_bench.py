@@ -12,13 +12,14 @@ from ertskin.hardware.virtual.bench import FAST
 from ertskin.hardware.virtual.bench.bench import CREATED, Bench
 from ertskin.hardware.virtual.bench.nominal import nominal_protocol, nominal_sensor
 from ertskin.hardware.virtual.bench.plans import presses
-from ertskin.hardware.virtual.bench.truth import draw_truth
+from ertskin.hardware.virtual.bench.truth import Truth, draw_truth
 from ertskin.physics.history import History, Phase
 from ertskin.physics.sensor import Sensor, rectangle_m, taxel_grid_m
 
 SIDE_M = 0.06
 LINE_M = np.array([0.006, 0.03, 0.054])
 CORNERS_AND_MIDDLE = (0, 2, 4, 6, 8, 4)
+EVERY_TAXEL_THREE_TWICE = (*CORNERS_AND_MIDDLE[:5], 1, 5, 7, 3, 4, 0, 8)
 WEIGHT_N = 3.0
 
 
@@ -43,9 +44,8 @@ def small_bench_sensor() -> Sensor:
 
 def write_small_bench(folder: Path, effects: Mapping[str, float] | None = None, seed: int = 3) -> tuple[Path, ...]:
     """``train.h5``, six presses, and the tests ``one.h5``, three presses, and ``two.h5``, two pairs of weights."""
-    sensor = small_bench_sensor()
-    protocol = nominal_protocol(sensor)
-    bench = Bench(draw_truth(sensor, seed, dict(effects or {})), sensor, protocol, FAST)
+    bench = small_bench(effects or {}, seed)
+    sensor = bench.sensor
     plans = {
         "train": presses(sensor.taxel_m[list(CORNERS_AND_MIDDLE)], 1e-3 * np.arange(1.0, 4.0), holds=1),
         "one": presses(sensor.taxel_m[[1, 4, 7]], np.array([1.5e-3, 2.5e-3]), holds=0, unloading=False),
@@ -53,12 +53,28 @@ def write_small_bench(folder: Path, effects: Mapping[str, float] | None = None, 
     }
     paths = []
     for name, history in plans.items():
-        frames = bench.frames(history, name)
-        block, specimen = bench.rigid_block(), bench.specimen(cycles=2)
-        recording = Recording(f"small_{seed}", CREATED, name, sensor, protocol, frames, specimen, block)
         paths.append(folder / f"{name}.h5")
-        write_recording(paths[-1], recording)
+        write_recording(paths[-1], _recorded(bench, name, history))
     return tuple(paths)
+
+
+def twelve_presses(effects: Mapping[str, float], seed: int) -> tuple[Recording, Truth]:
+    """What a diagnosis needs, every taxel pressed and three of them twice, and what is hidden in it."""
+    bench = small_bench(effects, seed)
+    places = bench.sensor.taxel_m[list(EVERY_TAXEL_THREE_TWICE)]
+    history = presses(places, 1e-3 * np.arange(1.0, 5.0), holds=1)
+    return _recorded(bench, "train", history), bench.truth
+
+
+def small_bench(effects: Mapping[str, float], seed: int) -> Bench:
+    """The small skin of a seed with these effects on the bench."""
+    sensor = small_bench_sensor()
+    return Bench(draw_truth(sensor, seed, dict(effects)), sensor, nominal_protocol(sensor), FAST)
+
+
+def _recorded(bench: Bench, name: str, history: History) -> Recording:
+    frames, block, specimen = bench.frames(history, name), bench.rigid_block(), bench.specimen(cycles=2)
+    return Recording(f"small_{bench.truth.seed}", CREATED, name, bench.sensor, bench.protocol, frames, specimen, block)
 
 
 def _pairs_of_weights(sensor: Sensor) -> History:

@@ -9,6 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from omegaconf import OmegaConf
+from small_bench import twelve_presses
 
 from ertskin.calibration.fit import fit_recording
 from ertskin.calibration.store import load_calibration, save_calibration
@@ -20,12 +21,13 @@ from ertskin.data.touches import touches_of
 from ertskin.diagnosis import skin
 from ertskin.diagnosis.any_recording import diagnose_any
 from ertskin.diagnosis.contract.claims import Claim, Diagnosis, HeldOut
-from ertskin.diagnosis.criteria import Criteria
+from ertskin.diagnosis.criteria import DEFAULT, Criteria
 from ertskin.diagnosis.judge.result import Findings
 from ertskin.diagnosis.output.joint_calibration import joint_calibration, write_joint_calibration
 from ertskin.diagnosis.search.selection import Selection
-from ertskin.hardware.recording import read_recording
+from ertskin.hardware.recording import Recording, read_recording
 from ertskin.hardware.virtual.bench import FAST, write_bench
+from ertskin.hardware.virtual.bench.truth import Truth
 from ertskin.physics.conduction.mesh import MeshError
 from ertskin.physics.effects.adc_saturation import AdcSaturation
 from ertskin.physics.effects.piezo_inhomogeneity import PiezoInhomogeneity
@@ -34,25 +36,28 @@ from ertskin.physics.effects.registry import effects_config
 pytestmark = pytest.mark.long
 
 
-def diagnosed(folder: Path, hidden: dict[str, float], seed: int) -> Diagnosis:
-    return findings(folder / "hidden.h5", hidden, seed).diagnosis
+def diagnosed(recording: Recording, criteria: Criteria = DEFAULT) -> Findings:
+    return diagnose_any(recording, "hidden.h5", lambda share, text: None, "fast", criteria=criteria)
 
 
-def findings(path: Path, hidden: dict[str, float], seed: int) -> Findings:
-    write_bench(path, "quick", hidden, seed=seed, resolution=FAST)
-    return diagnose_any(read_recording(path), path.name, lambda share, text: None, "fast")
+def diagnosed_at_full_size(path: Path, hidden: dict[str, float], seed: int) -> tuple[Diagnosis, Truth]:
+    """What is found on the paper's skin, and what is hidden in it."""
+    truth = write_bench(path, "quick", hidden, seed=seed, resolution=FAST)
+    return diagnosed(read_recording(path)).diagnosis, truth
 
 
 @pytest.fixture(scope="module")
 def loop(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Findings]:
     """A recording with a loop, and what is found on it."""
     path = tmp_path_factory.mktemp("loop") / "hidden.h5"
-    return path, findings(path, {"piezo_hysteresis": 1.0}, seed=6)
+    write_bench(path, "quick", {"piezo_hysteresis": 1.0}, seed=6, resolution=FAST)
+    return path, diagnosed(read_recording(path))
 
 
 @pytest.mark.timeout(300)
-def test_nothing_is_named_where_nothing_was_left_out(tmp_path: Path) -> None:
-    found = diagnosed(tmp_path, {}, seed=5)
+def test_nothing_is_named_where_nothing_was_left_out() -> None:
+    recording, _ = twelve_presses({}, seed=5)
+    found = diagnosed(recording).diagnosis
     assert found.verdict == "no_mismatch"
     assert not found.claims
     assert found.held_out.ratio_before == pytest.approx(1.0, abs=0.05)
@@ -93,7 +98,7 @@ def test_of_very_few_presses_effects_are_chosen_from_all(loop: tuple[Path, Findi
     whole = read_recording(loop[0])
     assert whole.frames is not None
     few = presses_of(whole, made_presses(whole.frames)[::2].tolist())
-    handed_on_of_all_presses(diagnose_any(few, "few.h5", lambda share, text: None, "fast"), chosen_from_all=True)
+    handed_on_of_all_presses(diagnosed(few), chosen_from_all=True)
 
 
 def handed_on_of_all_presses(found: Findings, *, chosen_from_all: bool) -> None:
@@ -185,10 +190,10 @@ def named_and_predicting(found: Diagnosis, name: str) -> None:
 
 
 @pytest.mark.timeout(300)
-def test_what_was_left_out_is_named_and_predicts_where_the_criteria_let_it(tmp_path: Path) -> None:
-    named_and_predicting(diagnosed(tmp_path, {"crosstalk": 1.0}, seed=6), "crosstalk")
-    strict, recording = Criteria(significant_gain=1e9), read_recording(tmp_path / "hidden.h5")
-    found = diagnose_any(recording, "hidden.h5", lambda share, text: None, "fast", criteria=strict).diagnosis
+def test_what_was_left_out_is_named_and_predicts_where_the_criteria_let_it() -> None:
+    recording, _ = twelve_presses({"crosstalk": 1.0}, seed=6)
+    named_and_predicting(diagnosed(recording).diagnosis, "crosstalk")
+    found = diagnosed(recording, Criteria(significant_gain=1e9)).diagnosis
     assert found.verdict == "unexplained"
     assert not found.claims
 
@@ -202,7 +207,7 @@ def test_an_amplifier_that_bends_softly_is_named_alone_and_predicts(tmp_path: Pa
     straight_v = np.array(recording.frames.voltage_v)
     scale_v = 5.0 * float(straight_v.max())
     bent = replace(recording, frames=replace(recording.frames, voltage_v=scale_v * np.tanh(straight_v / scale_v)))
-    found = diagnose_any(bent, path.name, lambda share, text: None, "fast").diagnosis
+    found = diagnosed(bent).diagnosis
     named_and_predicting(found, "adc_saturation")
     (claim,) = found.claims
     assert claim.parameters["compression"].value == pytest.approx(1 / 75, rel=0.05)
@@ -211,13 +216,12 @@ def test_an_amplifier_that_bends_softly_is_named_alone_and_predicts(tmp_path: Pa
 @pytest.mark.timeout(300)
 def test_a_sheet_warmed_by_the_scan_is_known_by_how_much_and_how_fast(tmp_path: Path) -> None:
     """The bench's readings rise by a share of their own; the model's sheet by the power of the injections before."""
-    path = tmp_path / "hidden.h5"
-    truth = write_bench(path, "quick", {"self_heating": 1.0}, seed=6, resolution=FAST).parameters("self_heating")
-    found = diagnose_any(read_recording(path), path.name, lambda share, text: None, "fast").diagnosis
+    found, truth = diagnosed_at_full_size(tmp_path / "hidden.h5", {"self_heating": 1.0}, seed=6)
     named_and_predicting(found, "self_heating")
     (claim,) = found.claims
-    assert claim.parameters["rise"].value == pytest.approx(truth["share"], rel=0.05)
-    assert claim.parameters["settle_scans"].value == pytest.approx(truth["settle_scans"], rel=0.05)
+    warmed = truth.parameters("self_heating")
+    assert claim.parameters["rise"].value == pytest.approx(warmed["share"], rel=0.05)
+    assert claim.parameters["settle_scans"].value == pytest.approx(warmed["settle_scans"], rel=0.05)
 
 
 @pytest.mark.timeout(300)
@@ -229,9 +233,7 @@ def test_a_sheet_warmed_by_the_scan_is_known_by_how_much_and_how_fast(tmp_path: 
     ],
 )
 def test_what_has_no_name_is_said_with_its_place(tmp_path: Path, name: str, key: str, words: str, stage: str) -> None:
-    path = tmp_path / "hidden.h5"
-    truth = write_bench(path, "quick", {name: 2.0}, seed=7, resolution=FAST)
-    found = diagnose_any(read_recording(path), path.name, lambda share, text: None, "fast").diagnosis
+    found, truth = diagnosed_at_full_size(tmp_path / "hidden.h5", {name: 2.0}, seed=7)
     assert found.verdict == "unexplained"
     assert not found.claims
     assert found.electrodes == (truth.parameters(name)[key],)
@@ -241,9 +243,8 @@ def test_what_has_no_name_is_said_with_its_place(tmp_path: Path, name: str, key:
 
 @pytest.mark.timeout(300)
 def test_a_loose_contact_is_said_beside_what_is_named(tmp_path: Path) -> None:
-    path = tmp_path / "hidden.h5"
-    truth = write_bench(path, "quick", {"intermittent_electrode": 2.0, "crosstalk": 1.0}, seed=7, resolution=FAST)
-    found = diagnose_any(read_recording(path), path.name, lambda share, text: None, "fast").diagnosis
+    hidden = {"intermittent_electrode": 2.0, "crosstalk": 1.0}
+    found, truth = diagnosed_at_full_size(tmp_path / "hidden.h5", hidden, seed=7)
     assert found.claims[0].effect.name == "crosstalk"
     assert found.verdict == "partly_explained"
     assert truth.parameters("intermittent_electrode")["electrode"] in found.electrodes
