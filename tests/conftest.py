@@ -8,8 +8,14 @@ from pathlib import Path
 
 import pytest
 
+from ertskin.cores import SHARE_VARIABLE, given_cores
+
 for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(name, "1")
+
+# Tests side by side share the cores: more threads than that only wait for one another.
+if "PYTEST_XDIST_WORKER_COUNT" in os.environ:
+    os.environ.setdefault(SHARE_VARIABLE, str(max(1, given_cores() // int(os.environ["PYTEST_XDIST_WORKER_COUNT"]))))
 
 # A shell's background job, or nohup's, starts with some signals ignored, and so would every command the tests stop.
 signal.signal(signal.SIGINT, signal.default_int_handler)

@@ -35,9 +35,10 @@ LEAST_SIGNAL = 5.0
 FEWEST_RESTS = 4
 ALIKE, OFTEN = 3.0, 0.05
 """Up to which a reading taken for a spike may be one: times what it is usually off by, and part of the frames."""
-FEWEST_SHORT, LARGE, FLAT = 5, 0.1, 0.2
+FEWEST_SHORT, LARGE, FLAT, SURELY = 2, 0.1, 0.2, 3.0
 """A converter that bends softly: fewest readings short in most rest frames, part of the readings, the largest,
-among which they lie, and least part by which they differ of what they should differ by."""
+among which they lie, least part by which they differ of what they should differ by, and above it by how many standard
+errors: two may be as large as one another, and differ by noise alone."""
 FARTHEST_ERRORS = 4.0
 """Standard deviations of chance, beyond which a change between rest frames is an outlier."""
 LEAST_FREEDOM = 0.05
@@ -298,8 +299,13 @@ def _compressed(voltage: Array, fitted: Array, spike: NDArray[np.bool_], rest: N
     large = np.median(size) > np.quantile(np.abs(seen[whole][:, taken]), 1 - LARGE)
     if not large or not (read < size).mean() > 0.8:
         return False
-    spread = size - size.mean()
-    return bool((spread * read).sum() > FLAT * (spread**2).sum())
+    spread, grown = size - size.mean(), read - read.mean()
+    square = (spread**2).sum()
+    if not square > 0:
+        return False
+    slope = (spread * grown).sum() / square
+    error = (grown - slope * spread).std() / np.sqrt(square)
+    return bool(slope - SURELY * error > FLAT)
 
 
 def _usual_restored(

@@ -144,6 +144,19 @@ def test_neither_a_limit_nor_a_channel_s_gain_is_a_compression(protocol: Protoco
         assert not _compressed(wrong, fitted, spike, rest)
 
 
+def test_two_readings_of_few_are_seen_to_bend_and_two_at_a_limit_not_to() -> None:
+    frames, rng = 13, np.random.default_rng(1)
+    fitted = np.linspace(0.2, 4.0, 40) + NOISE_V * rng.standard_normal((frames, 1, 40))
+    spike = np.broadcast_to(np.arange(40) > 37, fitted.shape)
+    soft = np.where(spike, 20.0 * np.tanh(fitted / 20.0), fitted)
+    assert _compressed(soft, fitted, spike, np.ones(frames, dtype=bool))
+    for _ in range(200):
+        at_limit = np.where(spike, 3.88 + NOISE_V * rng.standard_normal(fitted.shape), fitted)
+        assert not _compressed(at_limit, fitted, spike, np.ones(frames, dtype=bool))
+        # A reciprocal pair: what they should differ by is noise.
+        fitted[..., 38] = fitted[..., 39] + NOISE_V * rng.standard_normal((frames, 1))
+
+
 def test_what_only_presses_show_is_no_spike(protocol: Protocol) -> None:
     voltage = readings(protocol, 3)
     rest = np.arange(FRAMES) < 3
