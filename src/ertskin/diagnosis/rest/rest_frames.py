@@ -35,6 +35,9 @@ FEW_OF = 4
 """Of so many contacts one, at least, makes few of them."""
 COLOURED = 0.05
 """Excess of the rest frames' scatter over the readings' noise that is taken for coloured noise."""
+SURELY_COLOURED = 3.0
+"""Its own standard errors from which on no contact is held to be loose for it: few frames of a small skin scatter as
+much by chance."""
 ALONG = 0.8
 """Cosine between what is seen of a jittering contact and what it would do."""
 STANDS_OUT = 3.0
@@ -225,11 +228,13 @@ def _scatter(scans: Array, run: NDArray[np.intp], columns: Array, reading_v: flo
     noise_v = max(reading_v, float(np.sqrt(outside))) if coloured else reading_v
     # Of a median, half of it for the root; the squares of overlapping second differences count half.
     error = 0.5 * 1.25 * float(squares.std()) / outside / np.sqrt(len(jump) / 2) if coloured else 0.0
+    surely = np.sqrt(outside) / reading_v > 1 + SURELY_COLOURED * error
     inside = scans @ space / noise_v
     excess_noise = space @ max(
         _excess_noise(_jumps(inside)), _excess_noise(_jumps_of_runs(inside, run)), key=np.linalg.norm
     )
-    return Noise(noise_v, error, excess_noise, -1 if coloured else _jittering(excess_noise, columns[:, :-1], criteria))
+    jittering = -1 if coloured and surely else _jittering(excess_noise, columns[:, :-1], criteria)
+    return Noise(noise_v, error, excess_noise, jittering)
 
 
 def _jumps(scans: Array) -> Array:

@@ -136,6 +136,20 @@ def test_a_contact_that_jitters_is_named_and_noise_is_not() -> None:
     assert _scatter(1.5 * jitter, EACH, columns, 1.0, DEFAULT).jittering == -1
 
 
+def test_a_contact_that_jitters_is_named_though_a_small_skin_scatters_more_by_chance() -> None:
+    rng = np.random.default_rng(9)
+    named, coloured = [], 0
+    for _ in range(40):
+        columns = rng.standard_normal((28, 9))
+        unit = columns[:, 2] / np.linalg.norm(columns[:, 2])
+        jitter = rng.standard_normal((13, 28)) + np.outer(20 * rng.standard_normal(13), unit)
+        noise = _scatter(jitter, np.arange(13), columns, 1.0, DEFAULT)
+        named.append(noise.jittering)
+        coloured += noise.rms_v > 1
+    assert coloured > 5
+    assert np.mean(np.array(named) == 2) > 0.9
+
+
 def test_contacts_that_all_jitter_are_how_the_skin_is_made() -> None:
     rng = np.random.default_rng(6)
     columns, traces = columns_and_traces(rng)
