@@ -407,31 +407,49 @@ def _of_few_numbers(
     trials: Sequence[Trial],
     partitions: Sequence[Sequence[int]],
 ) -> tuple[Trial, CheckedFit]:
-    """A trial of few numbers in place of the smooth field that ``entered``, where it gains most of that, and of the two
-    together is the one that is missed more, and significantly.
+    """A trial of few numbers in place of the field that ``entered``, where it gains most of that, and of the two
+    together is the one that is missed more, and significantly; in a spot's or a line's place where it settles better.
 
     Any sharp cause looks like a field that is sharp there: a pad out of place like a hill under it.
     """
     field, field_fit = entered
-    if field.term.modes is None:
+    if not field.term.effect.hypothesis.field:
         return entered
-    criteria = incumbent.problem.evidence.criteria
+    least = incumbent.problem.evidence.criteria.most_share * field.gain
+    smooth = field.term.modes is not None
+
+    def likelier_than(field_fit: CheckedFit, simpler: CheckedFit) -> float | None:
+        if smooth:
+            return _likelier_than_field(simpler, field_fit, field.term, partitions)
+        return _likelier(simpler.solved, field_fit)
+
     for trial in trials:
-        if trial.term.modes is not None or trial.term.name == field.term.name:
+        varies = trial.term.effect.hypothesis.field
+        if trial.term.modes is not None or trial.term.name == field.term.name or (varies and not smooth):
             continue
-        if trial.gain < criteria.most_share * field.gain:
+        if trial.gain < least:
             continue
         simpler = where_it_settles(build, None, trial.solved)
         if simpler is None or simpler.spoils(incumbent):
             continue
-        likelier = _likelier_than_field(simpler, field_fit, field.term, partitions)
-        if likelier is None and not trial.term.effect.hypothesis.field:
+        likelier = likelier_than(field_fit, simpler)
+        if likelier is None and not varies:
             # A field takes up whatever a form that isn't freed leaves.
             simpler, field_fit = refined(build, simpler, partitions), refined(build, field_fit, partitions)
-            likelier = _likelier_than_field(simpler, field_fit, field.term, partitions)
+            likelier = likelier_than(field_fit, simpler)
         if likelier is not None:
             return replace(trial, gain=field.gain + likelier), simpler
     return field, field_fit
+
+
+def _likelier(solved: Solved, other: CheckedFit, least: float = 0.0) -> float | None:
+    """By how much a fit is likelier than another of its frames; None where not significantly, or by ``least`` at
+    most."""
+    counted = other.solved
+    if counted.leftover != solved.leftover:
+        counted = other.problem.solve(counted.terms, counted.calibration, steps=1, leftover=solved.leftover)
+    likelier = unlikely(counted) - unlikely(solved)
+    return likelier if likelier > max(other.problem.evidence.criteria.significant_gain, least) else None
 
 
 def _likelier_than_field(
@@ -442,10 +460,7 @@ def _likelier_than_field(
     problem, solved = simpler.problem, simpler.solved
     begun = problem.solve([*solved.terms, Term(type(field.effect)(), ())], solved.calibration, steps=0)
     both = with_smooth_field(problem, begun, len(solved.terms), partitions) or solved
-    terms, calibration = field_fit.solved.terms, field_fit.solved.calibration
-    alone = field_fit.problem.solve(terms, calibration, steps=1, leftover=both.leftover)
-    likelier, of_field = unlikely(alone) - unlikely(both), unlikely(begun) - unlikely(both)
-    return likelier if likelier > max(problem.evidence.criteria.significant_gain, of_field) else None
+    return _likelier(both, field_fit, unlikely(begun) - unlikely(both))
 
 
 def _gone_elsewhere(build: Problem, problem: VoltageProblem, solved: Solved) -> CheckedFit | None:
