@@ -48,6 +48,8 @@ LEAST_INFORMATION = 0.02
 MOST_MODES = 100
 SAMPLES = 3
 """Points for every node, along each side, at which a field's form is read."""
+STARTS = 8192
+"""Starts of fields of few numbers whose values at the nodes are remembered: of two properties all of a sheet's."""
 PASSES = 2
 STEPS = 5
 FARTHEST = 2.0
@@ -291,14 +293,21 @@ def _likely(halves: Sequence[Array], gradient: Array, hessian: Array) -> list[in
 
 def at_nodes(start: Start, extent_m: Array) -> Array:
     """(M,c) fields at the nodes, by the parameters that a start goes along: what it is everywhere, spread over them."""
-    shape = node_shape(extent_m)
-    position_m, onto = _onto_nodes(shape, tuple(map(float, extent_m.ravel())))
+    return _at_nodes(start, tuple(map(float, extent_m.ravel())))
+
+
+@lru_cache(maxsize=STARTS)
+def _at_nodes(start: Start, box: tuple[float, ...]) -> Array:
+    extent_m = np.reshape(box, (2, 2))
+    position_m, onto = _onto_nodes(node_shape(extent_m), box)
     known = start.effect.parameters()
     columns = []
     for key in start.along:
         effect = cast(FieldOverSheet, start.effect.changed({key: known[key].typical}))
         columns.append(onto @ effect.logarithm(position_m, extent_m) / known[key].typical)
-    return np.stack(columns, axis=1)
+    found = np.stack(columns, axis=1)
+    found.flags.writeable = False
+    return found
 
 
 @lru_cache(maxsize=4)
