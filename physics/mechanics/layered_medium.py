@@ -14,6 +14,7 @@ nothing cancels as kh -> 0 (the stiffness-matrix method, Kausel & Roesset, Bull.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from math import factorial
 
 import numpy as np
@@ -38,9 +39,9 @@ def _inverse(matrix: Array) -> Array:
     return adjugate / (a * d - b * c)[..., None, None]
 
 
-def _propagator(layer: Layer, wavenumber_per_m: Array, thickness_m: float) -> Array:
+def _propagator(poissons_ratio: float, wavenumber_per_m: Array, thickness_m: float) -> Array:
     """(K,4,4) exp(A h) by Sylvester's formula for the double eigenvalues +-k, in units of the layer's shear modulus."""
-    nu, k, h = layer.poissons_ratio, wavenumber_per_m, thickness_m
+    nu, k, h = poissons_ratio, wavenumber_per_m, thickness_m
     a = np.zeros((len(k), 4, 4))
     a[:, 0, 1], a[:, 0, 2] = k, 1.0
     a[:, 1, 0], a[:, 1, 3] = -nu / (1 - nu) * k, (1 - 2 * nu) / (2 * (1 - nu))
@@ -59,9 +60,22 @@ def _propagator(layer: Layer, wavenumber_per_m: Array, thickness_m: float) -> Ar
 
 def _layer_stiffness(layer: Layer, wavenumber_per_m: Array) -> tuple[Array, Array, Array]:
     """(K,2,2) blocks top-top, top-bottom, bottom-bottom of a layer's stiffness in Pa/m: forces from displacements."""
-    longest = float(wavenumber_per_m.max()) * layer.thickness_m
+    shear_modulus = layer.youngs_modulus_pa / (2 * (1 + layer.poissons_ratio))
+    blocks = _unit_stiffness(layer.poissons_ratio, layer.thickness_m, wavenumber_per_m.tobytes())
+    top, across, bottom = (shear_modulus * block for block in blocks)
+    return top, across, bottom
+
+
+@lru_cache(maxsize=64)
+def _unit_stiffness(poissons_ratio: float, thickness_m: float, wavenumbers: bytes) -> tuple[Array, Array, Array]:
+    """``_layer_stiffness`` in 1/m, per Pa of shear modulus; ``wavenumbers`` are the bytes of (K,) float64.
+
+    Remembered: whoever fits moduli changes nothing else.
+    """
+    wavenumber_per_m = np.frombuffer(wavenumbers)
+    longest = float(wavenumber_per_m.max()) * thickness_m
     doublings = max(0, int(np.ceil(np.log2(longest / _LONGEST_SUBLAYER))))
-    p = _propagator(layer, wavenumber_per_m, layer.thickness_m / 2**doublings)
+    p = _propagator(poissons_ratio, wavenumber_per_m, thickness_m / 2**doublings)
     flexibility = _inverse(p[:, :2, 2:])
     top, across, bottom = flexibility @ p[:, :2, :2], -flexibility, p[:, 2:, 2:] @ flexibility
     for _ in range(doublings):
@@ -72,8 +86,7 @@ def _layer_stiffness(layer: Layer, wavenumber_per_m: Array) -> tuple[Array, Arra
             -across @ middle @ across,
             bottom - transposed @ middle @ across,
         )
-    shear_modulus = layer.youngs_modulus_pa / (2 * (1 + layer.poissons_ratio))
-    return shear_modulus * top, shear_modulus * across, shear_modulus * bottom
+    return top, across, bottom
 
 
 @dataclass(frozen=True)
