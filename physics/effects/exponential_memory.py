@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
@@ -12,9 +14,15 @@ AIR = 0.01
 """Part of the drive before or after a step that is as good as none."""
 
 
-def _decay_and_gains(time_s: Array, constants_s: Array, moves_s: float) -> tuple[Array, Array]:
+@lru_cache(maxsize=8)
+def _decay_and_gains(times: bytes, constants: bytes, moves_s: float) -> tuple[Array, Array]:
     """What a step leaves of each memory (K,T), and what it takes in (K,3,T) of a drive that changes over all of the
-    step, at its beginning or at its end."""
+    step, at its beginning or at its end.
+
+    Of the bytes of times (T,) and constants (K,) in seconds: remembered, for whoever solves for the drive asks many
+    times.
+    """
+    time_s, constants_s = np.frombuffer(times), np.frombuffer(constants)
     step = np.diff(time_s, prepend=time_s[0])
     moving = np.minimum(step, moves_s)
     constant_s = constants_s[:, None]
@@ -76,7 +84,8 @@ def lagging(
     (T,); where ``cleared`` (T,) nothing has. A drive that leaves for nothing does so within the first ``moves_s`` of a
     step, one that comes from nothing within the last.
     """
-    decay, gains = _decay_and_gains(time_s, np.asarray(constants_s, dtype=float), moves_s)
+    times, constants = (np.asarray(each, dtype=float).tobytes() for each in (time_s, constants_s))
+    decay, gains = _decay_and_gains(times, constants, moves_s)
     taken = np.empty(drive.shape)
     flat = np.ascontiguousarray(drive).reshape(len(drive), -1)
     _lag(taken.reshape(len(drive), -1), flat, decay, gains, _forgets(drive, cleared))

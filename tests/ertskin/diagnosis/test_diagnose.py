@@ -96,8 +96,8 @@ def test_of_few_presses_what_all_of_them_show_is_handed_on(loop: tuple[Path, Fin
 
 
 @pytest.mark.timeout(300)
-def test_of_very_few_presses_effects_are_chosen_from_all(loop: tuple[Path, Findings]) -> None:
-    whole = read_recording(loop[0])
+def test_of_very_few_presses_effects_are_chosen_from_all() -> None:
+    whole, _ = twelve_presses({"piezo_hysteresis": 1.0}, seed=6)
     assert whole.frames is not None
     few = presses_of(whole, made_presses(whole.frames)[::2].tolist())
     handed_on_of_all_presses(diagnosed(few), chosen_from_all=True)
@@ -243,9 +243,9 @@ def test_what_has_no_name_is_said_with_its_place(tmp_path: Path, name: str, key:
 
 
 @pytest.mark.timeout(300)
-def test_a_loose_contact_is_said_beside_what_is_named(tmp_path: Path) -> None:
-    hidden = {"intermittent_electrode": 2.0, "crosstalk": 1.0}
-    found, truth = diagnosed_at_full_size(tmp_path / "hidden.h5", hidden, seed=7)
+def test_a_loose_contact_is_said_beside_what_is_named() -> None:
+    recording, truth = twelve_presses({"intermittent_electrode": 2.0, "crosstalk": 1.0}, seed=7)
+    found = diagnosed(recording).diagnosis
     assert found.claims[0].effect.name == "crosstalk"
     assert found.verdict == "partly_explained"
     assert truth.parameters("intermittent_electrode")["electrode"] in found.electrodes
