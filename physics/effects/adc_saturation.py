@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import ClassVar, Self
 
 import numpy as np
+from numba import njit
 
 from ertskin.physics.effects.effect import AcquisitionEffect, Array, Start, parameter
 from ertskin.physics.effects.hypothesis import Axis, Hypothesis, Measured, Signal
@@ -19,6 +20,29 @@ KNEES = 0.5, 0.75
 """Parts of the level from which on readings may be bent alone."""
 SHARPNESSES = 2.0, 5.0, 15.0
 """Where fits begin: the cubic curve of a symmetric stage that is overdriven a little, a bend, a knee."""
+
+NOTHING_LOG = -40.0
+"""Logarithm of q |v/L|^n below which what is lost is less than rounding."""
+
+
+@njit(cache=True, nogil=True)
+def _bent(voltage_v, straight_v, level_v, bend_log, sharpness):  # type: ignore[no-untyped-def]
+    """(N,) readings of voltages (N,), as ``AdcSaturation`` says; ``bend_log`` is log q.
+
+    In logarithms, for a power of what is far beyond the level overflows; readings not taken are NaN and stay so.
+    """
+    read_v = voltage_v.copy()
+    for n in range(len(voltage_v)):
+        beyond_v = abs(voltage_v[n]) - straight_v
+        if not beyond_v > 0.0:
+            continue
+        part_log = bend_log + sharpness * np.log(beyond_v / (level_v - straight_v))
+        if part_log < NOTHING_LOG:
+            continue
+        whole_log = max(part_log, 0.0) + np.log1p(np.exp(-abs(part_log)))
+        lost_v = -beyond_v * np.expm1(-whole_log / sharpness)
+        read_v[n] -= lost_v if voltage_v[n] > 0.0 else -lost_v
+    return read_v
 
 
 @dataclass(frozen=True)
@@ -65,13 +89,11 @@ class AdcSaturation(AcquisitionEffect):
     def _compressed(self, voltage_v: Array) -> Array:
         if self.compression == 0:
             return voltage_v
-        straight_v, size_v = self.straight_share * self.level_v, np.abs(voltage_v)
-        beyond_v = np.maximum(size_v - straight_v, 0.0)
-        # In logarithms, for a power of what is far beyond the level overflows; readings not taken are NaN.
-        with np.errstate(divide="ignore", invalid="ignore"):
-            part_log = np.log(self._bend) + self.sharpness * np.log(beyond_v / (self.level_v - straight_v))
-            lost_v = beyond_v * -np.expm1(-np.logaddexp(0.0, part_log) / self.sharpness)
-        return np.asarray(voltage_v - np.copysign(lost_v, voltage_v))
+        with np.errstate(divide="ignore"):
+            bend_log = float(np.log(self._bend))
+        flat = np.ascontiguousarray(voltage_v, dtype=float).ravel()
+        read = _bent(flat, self.straight_share * self.level_v, self.level_v, bend_log, self.sharpness)
+        return np.asarray(read.reshape(np.shape(voltage_v)))
 
     @property
     def approached_v(self) -> float:
