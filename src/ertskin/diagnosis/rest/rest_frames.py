@@ -14,6 +14,7 @@ from ertskin.diagnosis.criteria import Criteria
 from ertskin.diagnosis.linear.calibration_vector import CONTACT_SPREAD
 from ertskin.diagnosis.linear.sensitivity import sheet_sensitivity, whitening_of_transfer
 from ertskin.diagnosis.recording.evidence import Evidence
+from ertskin.diagnosis.rest.settling_contacts import settling_contacts
 from ertskin.diagnosis.rest.warmth import warmth_at_rest
 from ertskin.physics.effects.effect import Effect
 from ertskin.physics.effects.hypothesis import Measured
@@ -74,6 +75,8 @@ def rested(skin: Skin, evidence: Evidence) -> Rested:
     first, columns, _ = fitted_at_rest(skin, scans.mean(axis=0))
     # What one number explains isn't left for a contact each and places that recover.
     warmth = warmth_at_rest(first, evidence, good, scans - scans.mean(axis=0), columns[:, -1])
+    if warmth.name is not None and warmth.uneven < _settled(scans, evidence, good, columns):
+        warmth = warmth.nothing
     scans = scans - warmth.change_v
     every = imprints(first, evidence.history)
     traces = _needed(every[good], scans - scans.mean(axis=0), columns, evidence.noise_v)
@@ -88,6 +91,12 @@ def rested(skin: Skin, evidence: Evidence) -> Rested:
     drift = _contact_drift(scans - mean, time_s, run, evidence.noise_v, columns, traces, contacts, criteria, doubt)
     noise = _scatter(clean, run, columns, evidence.noise_v, criteria)
     return Rested(skin, mean, mean_noise_v, misfit, drift, noise, every[..., : traces.shape[2]], warmth.name)
+
+
+def _settled(scans: Array, evidence: Evidence, good: NDArray[np.bool_], columns: Array) -> float:
+    """Chi-square that contacts which settle explain of the rest frames' scans (R,P), those of the frames ``good``."""
+    change, time_s = (scans - scans.mean(axis=0)) / evidence.noise_v, evidence.history.time_s[good]
+    return settling_contacts(change, [columns / evidence.noise_v] * len(scans), time_s).explained
 
 
 def fitted_at_rest(skin: Skin, mean: Array) -> tuple[Skin, Array, Array]:
@@ -297,7 +306,8 @@ def _contact_drift(
     criteria: Criteria,
     doubt: float = 0.0,
 ) -> tuple[Effect, ...]:
-    """What each contact did over the recording, from its rest frames, where they wander beyond noise and ``doubt``.
+    """What each contact did over the recording, from its rest frames, where they wander beyond noise and ``doubt``, or
+    settle together.
 
     ``run`` (R,) numbers the rest frames' runs between presses. A contact that is another one in every run has no path
     that pressed frames could differ from: that is noise. Of fewer than five runs nothing tells the two apart, and a
@@ -305,27 +315,41 @@ def _contact_drift(
     """
     if len(change_v) < ENOUGH_RESTS:
         return ()
-    moved, error = np.empty((2, len(change_v), columns.shape[1]))
-    for row, trace in enumerate(traces):
-        inverse = np.linalg.pinv(np.hstack([columns, trace]))[: columns.shape[1]]
-        moved[row], error[row] = inverse @ change_v[row], noise_v * np.sqrt((inverse**2).sum(axis=1))
+    moved, error = _each_moved(change_v, noise_v, columns, traces)
     surprise = np.sqrt(((moved / error) ** 2).mean(axis=0))
     restless = [k for k in range(len(contacts)) if surprise[k] > criteria.clear_errors]
     free = [trace @ trace.T for trace in traces]
     rest = np.stack([c - p @ c for c, p in zip(change_v / noise_v, free, strict=True)])
     designs = [columns - p @ columns for p in free]
-    drift, knots = measured_as(Measured.CONTACT_PATH)(), tuple(time_s.tolist())
-    paths = {
+    # Places that recover settle too, and so does what has been taken off before.
+    settling = {} if traces.any() or doubt else settling_contacts(rest, [d / noise_v for d in designs], time_s).path
+    paths = {k: p for k, p in settling.items() if _alike(moved[:, k] - p, error[:, k], criteria)} | {
         k: _smoothed(moved[:, k], error[:, k])
         for k in wandering(rest, designs, traces.any(axis=1).sum(axis=1).tolist(), restless, doubt)
         if wanders(*_by_run(moved[:, k], error[:, k], run), criteria)
     }
+    drift, knots = measured_as(Measured.CONTACT_PATH)(), tuple(time_s.tolist())
     return tuple(
         drift.changed({"electrode": k, "knot_s": knots, "ohm": tuple((contacts[k] * path).tolist())})
-        for k, path in paths.items()
+        for k, path in sorted(paths.items())
         # Read off the slope at the mean: where that leads to nothing or less, readings hardly show the contact.
         if path.min() > LEAST_LEFT - 1
     )
+
+
+def _each_moved(change_v: Array, noise_v: float, columns: Array, traces: Array) -> tuple[Array, Array]:
+    """(R,L+1) shares of contacts and sheet, all of them free, in the rest frames' changes (R,P), and their errors."""
+    moved, error = np.empty((2, len(change_v), columns.shape[1]))
+    for row, trace in enumerate(traces):
+        inverse = np.linalg.pinv(np.hstack([columns, trace]))[: columns.shape[1]]
+        moved[row], error[row] = inverse @ change_v[row], noise_v * np.sqrt((inverse**2).sum(axis=1))
+    return moved, error
+
+
+def _alike(off: Array, error: Array, criteria: Criteria) -> bool:
+    """Whether what two paths differ by, (R,), is not clearly more than their errors: a contact that also jumps from run
+    to run has no course."""
+    return float((off**2).sum()) <= criteria.clear_errors**2 * float((error**2).sum())
 
 
 def wandering(

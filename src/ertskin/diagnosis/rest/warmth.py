@@ -35,12 +35,18 @@ class RestWarmth(NamedTuple):
     that is clearly seen in them, if one is.
 
     ``doubt`` chi-square of what is uneven that contacts don't explain: what the error of warmth's form may leave, or
-    all that is within chance where warmth is clearly seen.
+    all that is within chance where warmth is clearly seen; ``uneven`` chi-square that warmth explains of that.
     """
 
     change_v: Array
     doubt: float
     name: str | None
+    uneven: float = 0.0
+
+    @property
+    def nothing(self) -> RestWarmth:
+        """That nothing warms."""
+        return RestWarmth(np.zeros_like(self.change_v), 0.0, None)
 
 
 def warmth_at_rest(
@@ -78,9 +84,9 @@ def warmth_at_rest(
     if before[1] < chance:
         # The sheet alike makes nearly all of it, and a search finds that without the rest frames' help; but what one
         # pattern clearly explains of the little that is left isn't for contacts to share out.
-        return RestWarmth(nothing.change_v, chance, effect.name)
+        return RestWarmth(nothing.change_v, chance, effect.name, float(before[1] - left[1]))
     doubt = float(((effect.form_error * uneven(best)) ** 2).sum()) / evidence.noise_v**2
-    return RestWarmth(best, doubt, effect.name)
+    return RestWarmth(best, doubt, effect.name, float(before[1] - left[1]))
 
 
 def _starts(evidence: Evidence) -> Iterator[Start]:

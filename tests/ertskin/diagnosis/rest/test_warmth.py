@@ -50,7 +50,7 @@ def at_rest(skin: Skin, *effects: Effect) -> tuple[Any, np.ndarray, np.ndarray]:
 
 def test_it_takes_what_warmth_did_and_leaves_the_noise(skin: Skin) -> None:
     evidence, change, whole = at_rest(skin, SelfHeating(crowded_rise=-0.01, lasts_s=12.0))
-    warmth, doubt, name = warmth_at_rest(skin, evidence, RESTS, change, whole)
+    warmth, doubt, name, _ = warmth_at_rest(skin, evidence, RESTS, change, whole)
     assert name == "self_heating"
     left = change - warmth
     assert np.sqrt((change**2).mean()) > 3 * NOISE_V
@@ -63,7 +63,7 @@ def test_it_takes_what_warmth_did_and_leaves_the_noise(skin: Skin) -> None:
 
 def test_a_room_warmer_on_one_side_is_no_contacts(skin: Skin) -> None:
     evidence, change, whole = at_rest(skin, TemperatureDrift(rate_per_h=-0.3, settle_h=0.1, gradient_x=0.6))
-    warmth, _, name = warmth_at_rest(skin, evidence, RESTS, change, whole)
+    warmth, _, name, _ = warmth_at_rest(skin, evidence, RESTS, change, whole)
     assert name == "temperature_drift"
     assert np.sqrt((change**2).mean()) > 3 * NOISE_V
     assert np.sqrt(((change - warmth) ** 2).mean()) == pytest.approx(NOISE_V, rel=0.1)
@@ -72,7 +72,7 @@ def test_a_room_warmer_on_one_side_is_no_contacts(skin: Skin) -> None:
 @pytest.mark.parametrize("others", [(), (TemperatureDrift(rate_per_h=-1.0),)], ids=["noise", "an even drift"])
 def test_it_takes_nothing_where_nothing_warms_unevenly(skin: Skin, others: tuple[Effect, ...]) -> None:
     evidence, change, whole = at_rest(skin, *others)
-    warmth, doubt, name = warmth_at_rest(skin, evidence, RESTS, change, whole)
+    warmth, doubt, name, _ = warmth_at_rest(skin, evidence, RESTS, change, whole)
     assert not warmth.any()
     assert doubt == 0.0
     assert name is None
@@ -83,7 +83,7 @@ def test_what_is_uneven_within_chance_is_no_contacts_where_warmth_is_seen(skin: 
     level = whole / np.linalg.norm(whole)
     uneven = change - np.outer(change @ level, level)
     excess = (uneven**2).sum() / NOISE_V**2 - len(change) * (len(level) - 1)
-    warmth, doubt, name = warmth_at_rest(skin, evidence, RESTS, change, whole)
+    warmth, doubt, name, _ = warmth_at_rest(skin, evidence, RESTS, change, whole)
     assert not warmth.any()
     assert doubt > excess
     assert name == "self_heating"

@@ -1,0 +1,66 @@
+"""Contacts that settle together are found though none is seen to move from frame to frame."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from ertskin.diagnosis.criteria import DEFAULT
+from ertskin.diagnosis.rest.rest_frames import _contact_drift, _each_moved
+from ertskin.diagnosis.rest.settling_contacts import settling_contacts
+
+CONTACTS, NUMBERS, FRAMES = 8, 28, 13
+TIME_S = 40.0 * np.arange(FRAMES)
+COURSE = np.log1p(TIME_S / 60.0) - np.log1p(TIME_S / 60.0).mean()
+
+
+def columns_of(rng: np.random.Generator) -> np.ndarray:
+    """(P,L+1) unit columns of contacts that overlap, and of the whole sheet."""
+    columns = rng.standard_normal((NUMBERS, CONTACTS + 1)) + rng.standard_normal((NUMBERS, 1))
+    return columns / np.linalg.norm(columns, axis=0)
+
+
+def settled(seed: int, size: dict[int, float]) -> tuple[np.ndarray, np.ndarray]:
+    """Changes (R,P) in units of the noise by contacts that settle beside a sheet that does as it likes, and columns."""
+    rng = np.random.default_rng(seed)
+    columns = columns_of(rng)
+    own = sum((np.outer(share * COURSE, columns[:, k]) for k, share in size.items()), np.zeros((FRAMES, NUMBERS)))
+    sheet = np.outer(20 * rng.standard_normal(FRAMES), columns[:, -1])
+    return own + sheet + rng.standard_normal((FRAMES, NUMBERS)), columns
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_each_is_found_with_its_size(seed: int) -> None:
+    size = {1: 6.0, 4: -5.0, 6: 5.0}
+    change, columns = settled(seed, size)
+    found = settling_contacts(change, [columns] * FRAMES, TIME_S)
+    assert set(found.path) == set(size)
+    for contact, path in found.path.items():
+        np.testing.assert_allclose(path, size[contact] * COURSE, atol=2.5)
+
+
+def test_noise_has_no_course() -> None:
+    found = [settling_contacts(*settled_in_noise(seed), TIME_S).path for seed in range(200)]
+    assert sum(map(bool, found)) <= 1
+
+
+def settled_in_noise(seed: int) -> tuple[np.ndarray, list[np.ndarray]]:
+    change, columns = settled(seed, {})
+    return change, [columns] * FRAMES
+
+
+def test_what_no_contact_does_is_shared_out_among_none() -> None:
+    rng = np.random.default_rng(3)
+    change, columns = settled(3, {1: 6.0})
+    change = change + np.outer(20 * COURSE, rng.standard_normal(NUMBERS) / np.sqrt(NUMBERS))
+    assert settling_contacts(change, [columns] * FRAMES, TIME_S) == ({}, 0.0)
+
+
+def test_drifts_weaker_than_their_errors_are_found() -> None:
+    change, columns = settled(1, {1: 4.1, 4: -4.1})
+    traces = np.zeros((FRAMES, NUMBERS, 3))
+    given = (np.arange(FRAMES), 1.0, 100 * columns, traces, np.full(CONTACTS, 300.0), DEFAULT)
+    moved, error = _each_moved(change, 1.0, 100 * columns, traces)
+    assert (np.sqrt(((moved / error) ** 2).mean(axis=0))[:CONTACTS] < DEFAULT.clear_errors).all()
+    drifts = _contact_drift(change, TIME_S, *given)
+    assert [getattr(drift, "electrode", None) for drift in drifts] == [1, 4]
