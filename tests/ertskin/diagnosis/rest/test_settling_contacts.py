@@ -57,7 +57,7 @@ def test_what_no_contact_does_is_shared_out_among_none() -> None:
 
 
 def test_drifts_weaker_than_their_errors_are_found() -> None:
-    change, columns = settled(1, {1: 4.1, 4: -4.1})
+    change, columns = settled(9, {1: 4.5, 4: -4.5})
     traces = np.zeros((FRAMES, NUMBERS, 3))
     given = (np.arange(FRAMES), 1.0, 100 * columns, traces, np.full(CONTACTS, 300.0), DEFAULT)
     moved, error = _each_moved(change, 1.0, 100 * columns, traces)
