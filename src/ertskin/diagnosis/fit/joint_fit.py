@@ -46,6 +46,8 @@ HIGHER_PRIOR = 0.02
 """The law's coefficients above the fifth, which the paper's polynomial hasn't."""
 LONGEST_CONTACT_STEP = 1.5
 """Of the logarithm of a contact resistance, in a step of the fit."""
+FARTHEST_CONTACT = 4.0
+"""Of the logarithm of a contact resistance, from the one at rest and from most of those."""
 REACH = 5.0
 """Times what is typical of a parameter: as far as a quadratic about the fit can be believed."""
 SCALED = 0.7
@@ -276,7 +278,10 @@ class VoltageProblem:
             lambda x: self._linearise(layout, x),
             lambda x: self._cost(layout, x),
             begin,
-            Region(*layout.bounds(begin), layout.law_above(self.family.first.piezo, 2 * LEAST_LAW)),
+            Region(
+                *layout.bounds(self.family.first.contact_resistance_ohm),
+                layout.law_above(self.family.first.piezo, 2 * LEAST_LAW),
+            ),
             mean,
             precision,
             steps=steps,
@@ -522,10 +527,18 @@ class _Layout:
         effect = self._named[index][0].effect if index in self._named else None
         return effect is not None and effect.stage == Stage.ACQUISITION and isinstance(effect, AcquisitionEffect)
 
-    def bounds(self, x: Array) -> tuple[Array, Array]:
-        low, high = np.full(len(x), -np.inf), np.full(len(x), np.inf)
-        low[: self.ratio] = np.log(LEAST_OHM)
-        high[: self.ratio] = np.log(MOST_OHM)
+    def bounds(self, contact_ohm: Array) -> tuple[Array, Array]:
+        """Lowest and highest numbers (n,); contacts stay near those at rest ``contact_ohm`` (L,) and most of these.
+
+        Readings that leave driven electrodes out hardly tell a contact: a misfit would take it to where the skin, as
+        linearised, is another one.
+        """
+        count = self.calibration + sum(t.count for t in self.terms)
+        low, high = np.full(count, -np.inf), np.full(count, np.inf)
+        contacts, rested = slice(1, self.ratio), np.log(contact_ohm)
+        low[: self.ratio], high[: self.ratio] = np.log(LEAST_OHM), np.log(MOST_OHM)
+        low[contacts] = np.maximum(low[contacts], np.minimum(rested, np.median(rested)) - FARTHEST_CONTACT)
+        high[contacts] = np.minimum(high[contacts], np.maximum(rested, np.median(rested)) + FARTHEST_CONTACT)
         low[self.ratio], high[self.ratio] = -WIDEST_RATIO, WIDEST_RATIO
         for k, (term, key) in self._named.items():
             known = term.effect.known(key)

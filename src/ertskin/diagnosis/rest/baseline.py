@@ -13,7 +13,7 @@ from ertskin.diagnosis.force.selection import select_force_effects
 from ertskin.diagnosis.recording.evidence import CannotTell, Evidence
 from ertskin.diagnosis.recording.split import folds_of
 from ertskin.diagnosis.rest.displaced_pad import displaced_pad
-from ertskin.diagnosis.rest.rest_frames import Noise, rested
+from ertskin.diagnosis.rest.rest_frames import Noise, guessed_ohm, rested
 from ertskin.diagnosis.specimen.fit import SpecimenFinding, SpecimenTest, specimen_findings
 from ertskin.diagnosis.specimen.signal import SpecimenSignal
 from ertskin.hardware.recording import Recording
@@ -68,7 +68,7 @@ def calibrated(recording: Recording, evidence: Evidence, resolution: str = "fine
         raise CannotTell("the sensor names no layers: the pressure under a contact is unknown")
     support = _support(recording)
     linear, best, noise = _force_stage(evidence, support)
-    contacts = np.full(evidence.protocol.electrodes, max(evidence.sensor.contact_resistance_guess_ohm, 10.0))
+    contacts = np.full(evidence.protocol.electrodes, guessed_ohm(evidence.sensor))
     built = Skin.build(evidence.sensor, evidence.protocol, law.law, contacts, support.stiffness_n_per_m, (), resolution)
     at_rest = rested(built, evidence)
     skin = at_rest.skin

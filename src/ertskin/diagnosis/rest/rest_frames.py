@@ -20,6 +20,7 @@ from ertskin.physics.effects.effect import Effect
 from ertskin.physics.effects.hypothesis import Measured
 from ertskin.physics.effects.registry import measured_as
 from ertskin.physics.history import History
+from ertskin.physics.sensor import Sensor
 from ertskin.physics.skin import TAIL, Skin
 
 Array = NDArray[np.float64]
@@ -27,6 +28,11 @@ Array = NDArray[np.float64]
 ROUNDS = 30
 LEAST_LEFT = 0.02
 """Part of a contact's mean resistance that a path must leave of it."""
+LEAST_GUESS_OHM = 10.0
+GUESS_SPREAD = 8.0
+"""Standard deviation of the logarithm of the contacts, all alike, about what a sensor's file guesses: a file that
+guesses 10 ohm may be one of contacts of 500, but 50,000 are what a misfit makes of readings without driven
+electrodes (c012 of ``tenth16``)."""
 ENOUGH_RESTS = 5
 REMEMBERED = 3
 """Places, pressed before a rest frame, that may not have recovered yet."""
@@ -99,6 +105,11 @@ def _settled(scans: Array, evidence: Evidence, good: NDArray[np.bool_], columns:
     return settling_contacts(change, [columns / evidence.noise_v] * len(scans), time_s).explained
 
 
+def guessed_ohm(sensor: Sensor) -> float:
+    """What a sensor's file guesses of a contact's resistance, where that is one."""
+    return max(sensor.contact_resistance_guess_ohm, LEAST_GUESS_OHM)
+
+
 def fitted_at_rest(skin: Skin, mean: Array) -> tuple[Skin, Array, Array]:
     """Contact and sheet resistances by Gauss-Newton in logarithms from a resting scan (P,).
 
@@ -106,12 +117,13 @@ def fitted_at_rest(skin: Skin, mean: Array) -> tuple[Skin, Array, Array]:
     """
     protocol = skin.protocol
     contacts, zero = np.array(skin.contact_resistance_ohm), skin.piezo.zero_ohm_sq
+    guess = float(np.log(guessed_ohm(skin.sensor)))
     for _ in range(ROUNDS):
         solution = skin.sheet.solve(skin.sheet.uniform(zero), contacts)
         slope = protocol.whitened(solution.jacobian_contact_resistance().T).T
         scan = protocol.whitened(solution.pair_resistance_ohm)
         columns = np.column_stack([slope * contacts, scan - slope @ contacts])
-        step = _step_at_rest(columns, mean - scan, np.log(contacts))
+        step = _step_at_rest(columns, mean - scan, np.log(contacts), guess)
         contacts = np.clip(contacts * np.exp(np.clip(step[:-1], -1.5, 1.5)), 0.1, 1e7)
         zero = zero * float(np.exp(np.clip(step[-1], -0.3, 0.3)))
         if np.abs(step).max() < 1e-6:
@@ -119,14 +131,18 @@ def fitted_at_rest(skin: Skin, mean: Array) -> tuple[Skin, Array, Array]:
     return replace(skin, piezo=skin.piezo.scaled(zero), contact_resistance_ohm=contacts), columns, scan
 
 
-def _step_at_rest(columns: Array, residual: Array, log_contacts: Array) -> Array:
+def _step_at_rest(columns: Array, residual: Array, log_contacts: Array, guess: float) -> Array:
     """(L+1,) Gauss-Newton's step. Contacts that the scan hardly tells, as where driven electrodes aren't read, stay
-    with most of the others: else they would go wherever a little misfit takes them."""
+    near one another, and all of them not too far from the logarithm that is guessed: else they would go wherever a
+    misfit takes them."""
     numbers, contacts = len(residual), len(log_contacts)
-    share = np.sqrt(residual @ residual / max(1, numbers - contacts - 1)) / CONTACT_SPREAD
-    pull = share * np.eye(contacts, contacts + 1)
-    wanted = np.concatenate([residual, share * (np.median(log_contacts) - log_contacts)])
-    return np.asarray(np.linalg.lstsq(np.vstack([columns, pull]), wanted, rcond=None)[0])
+    rms = np.sqrt(residual @ residual / max(1, numbers - contacts - 1))
+    # Towards where most are now, so that all of them go together by short steps only.
+    one_by_one = rms / CONTACT_SPREAD * np.eye(contacts)
+    together = rms / GUESS_SPREAD * np.full((1, contacts), contacts**-0.5)
+    wanted = [residual, one_by_one @ (np.median(log_contacts) - log_contacts), together @ (guess - log_contacts)]
+    pull = np.pad(np.vstack([one_by_one, together]), ((0, 0), (0, 1)))
+    return np.asarray(np.linalg.lstsq(np.vstack([columns, pull]), np.concatenate(wanted), rcond=None)[0])
 
 
 # places that have not recovered ----------------------------------------------------------------------------------

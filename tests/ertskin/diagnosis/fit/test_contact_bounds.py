@@ -1,0 +1,46 @@
+"""Contacts that readings hardly tell stay where contacts are."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from ertskin.diagnosis.fit.joint_fit import FARTHEST_CONTACT, MOST_OHM, _Layout
+from ertskin.diagnosis.linear.calibration_vector import SHAPE, Calibration
+from ertskin.diagnosis.rest.rest_frames import _step_at_rest
+
+CONTACTS = 6
+
+
+def test_a_fit_keeps_contacts_near_those_at_rest() -> None:
+    rested = np.array([100.0, 120.0, 80.0, 110.0, 90.0, 1e8])
+    vector = Calibration(2e4, rested, 0.0, np.zeros(SHAPE)).vector()
+    low, high = (np.exp(end[1 : 1 + CONTACTS]) for end in _Layout((), len(vector)).bounds(rested))
+    far, usual = np.exp(FARTHEST_CONTACT), np.sqrt(100.0 * 110.0)
+    assert low[2] == pytest.approx(80.0 / far)
+    assert high[2] == pytest.approx(usual * far)
+    # One that is open may be closed again, or stay as open as any.
+    assert low[-1] == pytest.approx(usual / far)
+    assert high[-1] == pytest.approx(MOST_OHM)
+
+
+def test_at_rest_they_come_back_to_what_is_guessed_where_nothing_tells_them() -> None:
+    rng = np.random.default_rng(0)
+    columns, residual = np.zeros((40, CONTACTS + 1)), rng.standard_normal(40)
+    columns[:, -1] = 1.0
+    logs = np.log(np.full(CONTACTS, 5e4))
+    first = _step_at_rest(columns, residual, logs, np.log(10.0))[:-1]
+    assert (first < 0).all()
+    for _ in range(400):
+        logs = logs + _step_at_rest(columns, residual, logs, np.log(10.0))[:-1]
+    np.testing.assert_allclose(np.exp(logs), 10.0, rtol=1e-3)
+
+
+def test_at_rest_readings_that_tell_them_count_more_than_the_guess() -> None:
+    rng = np.random.default_rng(1)
+    columns = rng.standard_normal((40, CONTACTS + 1))
+    logs, true = np.log(np.full(CONTACTS, 10.0)), np.log(np.linspace(200.0, 700.0, CONTACTS))
+    noise = 1e-3 * rng.standard_normal(40)
+    for _ in range(20):
+        logs = logs + _step_at_rest(columns, columns[:, :-1] @ (true - logs) + noise, logs, np.log(10.0))[:-1]
+    np.testing.assert_allclose(logs, true, atol=3e-3)
