@@ -29,10 +29,10 @@ ROUNDS = 30
 LEAST_LEFT = 0.02
 """Part of a contact's mean resistance that a path must leave of it."""
 LEAST_GUESS_OHM = 10.0
-GUESS_SPREAD = 8.0
-"""Standard deviation of the logarithm of the contacts, all alike, about what a sensor's file guesses: a file that
-guesses 10 ohm may be one of contacts of 500, but 50,000 are what a misfit makes of readings without driven
-electrodes (c012 of ``tenth16``)."""
+FAR_FROM_GUESS = 5.0
+"""Logarithm of a contact's resistance, over what a sensor's file guesses, from which on it is drawn back: contacts of
+500 ohm where a file guesses 10 are common, but 50,000 are what a misfit makes of readings without driven electrodes
+(c012 of ``tenth16``)."""
 ENOUGH_RESTS = 5
 REMEMBERED = 3
 """Places, pressed before a rest frame, that may not have recovered yet."""
@@ -133,16 +133,16 @@ def fitted_at_rest(skin: Skin, mean: Array) -> tuple[Skin, Array, Array]:
 
 def _step_at_rest(columns: Array, residual: Array, log_contacts: Array, guess: float) -> Array:
     """(L+1,) Gauss-Newton's step. Contacts that the scan hardly tells, as where driven electrodes aren't read, stay
-    near one another, and all of them not too far from the logarithm that is guessed: else they would go wherever a
+    with most of the others, and all of them in reach of the logarithm that is guessed: else they would go wherever a
     misfit takes them."""
     numbers, contacts = len(residual), len(log_contacts)
-    rms = np.sqrt(residual @ residual / max(1, numbers - contacts - 1))
+    share = np.sqrt(residual @ residual / max(1, numbers - contacts - 1)) / CONTACT_SPREAD
     # Towards where most are now, so that all of them go together by short steps only.
-    one_by_one = rms / CONTACT_SPREAD * np.eye(contacts)
-    together = rms / GUESS_SPREAD * np.full((1, contacts), contacts**-0.5)
-    wanted = [residual, one_by_one @ (np.median(log_contacts) - log_contacts), together @ (guess - log_contacts)]
+    one_by_one, together = share * np.eye(contacts), share * np.full((1, contacts), contacts**-0.5)
+    beyond = log_contacts - np.clip(log_contacts, guess - FAR_FROM_GUESS, guess + FAR_FROM_GUESS)
+    wanted = np.concatenate([residual, one_by_one @ (np.median(log_contacts) - log_contacts), -together @ beyond])
     pull = np.pad(np.vstack([one_by_one, together]), ((0, 0), (0, 1)))
-    return np.asarray(np.linalg.lstsq(np.vstack([columns, pull]), np.concatenate(wanted), rcond=None)[0])
+    return np.asarray(np.linalg.lstsq(np.vstack([columns, pull]), wanted, rcond=None)[0])
 
 
 # places that have not recovered ----------------------------------------------------------------------------------
