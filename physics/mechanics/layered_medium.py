@@ -66,7 +66,7 @@ def _layer_stiffness(layer: Layer, wavenumber_per_m: Array) -> tuple[Array, Arra
     return top, across, bottom
 
 
-@lru_cache(maxsize=64)
+@lru_cache(maxsize=16)
 def _unit_stiffness(poissons_ratio: float, thickness_m: float, wavenumbers: bytes) -> tuple[Array, Array, Array]:
     """``_layer_stiffness`` in 1/m, per Pa of shear modulus; ``wavenumbers`` are the bytes of (K,) float64.
 

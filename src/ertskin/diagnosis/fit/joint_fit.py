@@ -39,7 +39,7 @@ Array = NDArray[np.float64]
 LEAST_DAMPING = 1e-9
 """Of a step without a term, so that numbers the data hardly tell may go along a bound."""
 LEAST_OHM, MOST_OHM = 1e-2, 1e9
-"""Between which a sheet's and a contact's resistance are looked for."""
+"""Between which a sheet's and a contact's resistance are looked for at most."""
 RATIO_PRIOR = 1.0
 SHAPE_PRIOR = 0.3
 HIGHER_PRIOR = 0.02

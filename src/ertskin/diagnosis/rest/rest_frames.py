@@ -30,8 +30,8 @@ LEAST_LEFT = 0.02
 """Part of a contact's mean resistance that a path must leave of it."""
 LEAST_GUESS_OHM = 10.0
 FAR_FROM_GUESS = 5.0
-"""Logarithm of a contact's resistance, over what a sensor's file guesses, from which on it is drawn back: contacts of
-500 ohm where a file guesses 10 are common, but 50,000 are what a misfit makes of readings without driven electrodes
+"""Logarithm of most contacts' resistance, over what a sensor's file guesses, from which on they are drawn back: 500
+ohm where a file guesses 10 are common, but 50,000 are what a misfit makes of readings without driven electrodes
 (c012 of ``tenth16``)."""
 ENOUGH_RESTS = 5
 REMEMBERED = 3
@@ -79,12 +79,12 @@ def rested(skin: Skin, evidence: Evidence) -> Rested:
     good = evidence.rest & np.isfinite(evidence.scan_v).all(axis=1)
     scans = evidence.scan_v[good]
     first, columns, _ = fitted_at_rest(skin, scans.mean(axis=0))
+    every = imprints(first, evidence.history)
     # What one number explains isn't left for a contact each and places that recover.
     warmth = warmth_at_rest(first, evidence, good, scans - scans.mean(axis=0), columns[:, -1])
-    if warmth.name is not None and warmth.uneven < _settled(scans, evidence, good, columns):
+    if warmth.name is not None and warmth.uneven < _settled(scans, evidence, good, columns, every[good]):
         warmth = warmth.nothing
     scans = scans - warmth.change_v
-    every = imprints(first, evidence.history)
     traces = _needed(every[good], scans - scans.mean(axis=0), columns, evidence.noise_v)
     mean = _undisturbed_mean(scans, columns, traces)
     skin, columns, scan = fitted_at_rest(first, mean)
@@ -99,10 +99,14 @@ def rested(skin: Skin, evidence: Evidence) -> Rested:
     return Rested(skin, mean, mean_noise_v, misfit, drift, noise, every[..., : traces.shape[2]], warmth.name)
 
 
-def _settled(scans: Array, evidence: Evidence, good: NDArray[np.bool_], columns: Array) -> float:
-    """Chi-square that contacts which settle explain of the rest frames' scans (R,P), those of the frames ``good``."""
-    change, time_s = (scans - scans.mean(axis=0)) / evidence.noise_v, evidence.history.time_s[good]
-    return settling_contacts(change, [columns / evidence.noise_v] * len(scans), time_s).explained
+def _settled(scans: Array, evidence: Evidence, good: NDArray[np.bool_], columns: Array, traces: Array) -> float:
+    """Chi-square that contacts which settle explain of the rest frames' scans (R,P), those of the frames ``good``;
+    nought where places that recover (``traces``) are seen."""
+    change = scans - scans.mean(axis=0)
+    if len(scans) < ENOUGH_RESTS or _needed(traces, change, columns, evidence.noise_v).any():
+        return 0.0
+    designs = [columns / evidence.noise_v] * len(scans)
+    return settling_contacts(change / evidence.noise_v, designs, evidence.history.time_s[good]).explained
 
 
 def guessed_ohm(sensor: Sensor) -> float:
@@ -133,15 +137,13 @@ def fitted_at_rest(skin: Skin, mean: Array) -> tuple[Skin, Array, Array]:
 
 def _step_at_rest(columns: Array, residual: Array, log_contacts: Array, guess: float) -> Array:
     """(L+1,) Gauss-Newton's step. Contacts that the scan hardly tells, as where driven electrodes aren't read, stay
-    with most of the others, and all of them in reach of the logarithm that is guessed: else they would go wherever a
-    misfit takes them."""
+    with most of the others, or with what comes next to these in reach of the logarithm that is guessed: else they would
+    go wherever a misfit takes them."""
     numbers, contacts = len(residual), len(log_contacts)
     share = np.sqrt(residual @ residual / max(1, numbers - contacts - 1)) / CONTACT_SPREAD
-    # Towards where most are now, so that all of them go together by short steps only.
-    one_by_one, together = share * np.eye(contacts), share * np.full((1, contacts), contacts**-0.5)
-    beyond = log_contacts - np.clip(log_contacts, guess - FAR_FROM_GUESS, guess + FAR_FROM_GUESS)
-    wanted = np.concatenate([residual, one_by_one @ (np.median(log_contacts) - log_contacts), -together @ beyond])
-    pull = np.pad(np.vstack([one_by_one, together]), ((0, 0), (0, 1)))
+    usual = np.clip(np.median(log_contacts), guess - FAR_FROM_GUESS, guess + FAR_FROM_GUESS)
+    pull = share * np.eye(contacts, contacts + 1)
+    wanted = np.concatenate([residual, share * (usual - log_contacts)])
     return np.asarray(np.linalg.lstsq(np.vstack([columns, pull]), wanted, rcond=None)[0])
 
 
@@ -323,7 +325,7 @@ def _contact_drift(
     doubt: float = 0.0,
 ) -> tuple[Effect, ...]:
     """What each contact did over the recording, from its rest frames, where they wander beyond noise and ``doubt``, or
-    settle together.
+    settle together where nothing else is in doubt and no places recover.
 
     ``run`` (R,) numbers the rest frames' runs between presses. A contact that is another one in every run has no path
     that pressed frames could differ from: that is noise. Of fewer than five runs nothing tells the two apart, and a

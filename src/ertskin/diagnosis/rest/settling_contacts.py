@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 PACES_S = 20.0, 100.0, 500.0
-"""Times after which contacts begin to settle with the logarithm of time (as ``contact_drift``'s do)."""
+"""Times after the first frame from which on contacts settle with the logarithm of time."""
 SURELY = 5.0
 """Standard deviations of chance that a contact's size along the course must exceed, counted in what all contacts leave
 of it, and by which what is left there may exceed chance."""
@@ -32,13 +32,17 @@ class Settling(NamedTuple):
 
 
 def settling_contacts(change: Array, designs: Sequence[Array], time_s: Array) -> Settling:
-    """The contacts that settle together, by the rest frames' changes (R,P), in units of the noise, at times (R,).
+    """The contacts that settle together, by the rest frames' changes (R,P), in units of the noise, at times (R,) since
+    the first frame.
 
     ``designs`` (R of (P,L+1)), in the same units: what the L contacts do and, last, the whole sheet, which may do
     anything in any frame.
     None where more changes along the course than they explain: then something else does.
     """
-    found = [_along(change, designs, np.log1p((time_s - time_s[0]) / pace_s)) for pace_s in PACES_S]
+    if not np.ptp(time_s) > 0 or change.shape[1] <= designs[0].shape[1]:
+        # No course, or no number that contacts and sheet leave to tell them from anything else.
+        return Settling({}, 0.0)
+    found = [_along(change, designs, np.log1p(time_s / pace_s)) for pace_s in PACES_S]
     return max(found, key=lambda one: one.explained)
 
 

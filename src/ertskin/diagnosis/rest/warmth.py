@@ -35,7 +35,8 @@ class RestWarmth(NamedTuple):
     that is clearly seen in them, if one is.
 
     ``doubt`` chi-square of what is uneven that contacts don't explain: what the error of warmth's form may leave, or
-    all that is within chance where warmth is clearly seen; ``uneven`` chi-square that warmth explains of that.
+    all that is within chance where warmth is clearly seen. ``uneven`` chi-square that warmth with a name explains of
+    what the whole sheet alike doesn't make.
     """
 
     change_v: Array

@@ -43,3 +43,15 @@ def test_at_rest_readings_that_tell_them_count_more_than_the_guess() -> None:
     for _ in range(20):
         logs = logs + _step_at_rest(columns, columns[:, :-1] @ (true - logs) + noise, logs, np.log(10.0))[:-1]
     np.testing.assert_allclose(logs, true, atol=3e-3)
+
+
+def test_at_rest_one_that_is_open_leaves_the_others_where_they_are() -> None:
+    rng = np.random.default_rng(2)
+    columns = 1e-3 * rng.standard_normal((40, CONTACTS + 1))
+    columns[:, -2:] = rng.standard_normal((40, 2))
+    logs = np.log([100.0] * (CONTACTS - 1) + [1e6])
+    residual = rng.standard_normal(40)
+    residual -= columns @ np.linalg.lstsq(columns, residual, rcond=None)[0]
+    for _ in range(30):
+        logs = logs + _step_at_rest(columns, residual, logs, np.log(10.0))[:-1]
+    np.testing.assert_allclose(logs[:-1], np.log(100.0), atol=0.05)

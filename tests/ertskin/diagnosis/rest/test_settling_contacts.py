@@ -64,3 +64,10 @@ def test_drifts_weaker_than_their_errors_are_found() -> None:
     assert (np.sqrt(((moved / error) ** 2).mean(axis=0))[:CONTACTS] < DEFAULT.clear_errors).all()
     drifts = _contact_drift(change, TIME_S, *given)
     assert [getattr(drift, "electrode", None) for drift in drifts] == [1, 4]
+
+
+def test_rest_frames_of_one_time_or_too_few_numbers_tell_nothing() -> None:
+    change, columns = settled(0, {1: 6.0})
+    assert settling_contacts(change, [columns] * FRAMES, np.full(FRAMES, 3.0)) == ({}, 0.0)
+    few = slice(CONTACTS + 1)
+    assert settling_contacts(change[:, few], [columns[few]] * FRAMES, TIME_S) == ({}, 0.0)
