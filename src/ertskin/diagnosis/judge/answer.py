@@ -201,6 +201,7 @@ def _rules(case: Case) -> list[tuple[str, str, Callable[[list[Claim]], list[Clai
     shape = case.evidence.protocol.orthonormal.shape
     residuals = (selection.before.scan_residual, selection.after.scan_residual)
     rest, shown = selection.problem.evidence.rest, _shown_elsewhere(case)
+    misled, spoilt = case.found.misled(criteria), case.found.spoilt(criteria)
     return [
         *_rules_of_misfit(case),
         (
@@ -223,7 +224,7 @@ def _rules(case: Case) -> list[tuple[str, str, Callable[[list[Claim]], list[Clai
             "its channel scatters more than the others: it may be the mean of that",
             lambda c: noisy(c, case.noisy, criteria),
         ),
-        ("spoiling", SPOILT, lambda c: spoiling(c, case.found.spoilt(criteria), criteria)),
+        ("spoiling", SPOILT, lambda c: spoiling(c, misled, spoilt, criteria)),
         ("maps", "fields so sure have had the right map less often", of_maps),
     ]
 

@@ -91,11 +91,19 @@ def of_maps(claims: Sequence[Claim]) -> list[Claim]:
     ]
 
 
-def spoiling(claims: Sequence[Claim], spoilt: bool, criteria: Criteria) -> list[Claim]:
-    """Names are half as sure where presses that no fit has seen are predicted worse with them than without; but for
-    what is told place by place, which predicts none."""
-    doubted = criteria.doubted_share if spoilt else 1.0
-    return [c if c.by_place else replace(c, confidence=doubted * c.confidence) for c in claims]
+def spoiling(claims: Sequence[Claim], misled: bool, spoilt: bool, criteria: Criteria) -> list[Claim]:
+    """Names are half as sure where presses that no fit has seen are predicted worse with them than without.
+
+    ``spoilt``: they are; ``misled``: and by more than what isn't known of a field there, which speaks against fields
+    alone. Exempt is what predicts none: what is told place by place, a stage that moves as only the load cell shows.
+    """
+
+    def doubted(claim: Claim) -> bool:
+        if claim.by_place or not claim.in_readings:
+            return False
+        return spoilt if claim.effect.hypothesis.field else misled
+
+    return [replace(c, confidence=criteria.doubted_share * c.confidence) if doubted(c) else c for c in claims]
 
 
 def noisy(claims: Sequence[Claim], channels: Collection[int], criteria: Criteria) -> list[Claim]:

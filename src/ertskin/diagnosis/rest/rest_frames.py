@@ -15,7 +15,7 @@ from ertskin.diagnosis.linear.calibration_vector import CONTACT_SPREAD
 from ertskin.diagnosis.linear.sensitivity import sheet_sensitivity, whitening_of_transfer
 from ertskin.diagnosis.recording.evidence import Evidence
 from ertskin.diagnosis.rest.settling_contacts import settling_contacts
-from ertskin.diagnosis.rest.warmth import warmth_at_rest
+from ertskin.diagnosis.rest.warmth import RestWarmth, warmth_at_rest
 from ertskin.physics.effects.effect import Effect
 from ertskin.physics.effects.hypothesis import Measured
 from ertskin.physics.effects.registry import measured_as
@@ -29,6 +29,7 @@ ROUNDS = 30
 LEAST_LEFT = 0.02
 """Part of a contact's mean resistance that a path must leave of it."""
 LEAST_GUESS_OHM = 10.0
+"""Least contact resistance that a file's guess is believed in: many files say 0 or 1 for want of a measurement."""
 FAR_FROM_GUESS = 5.0
 """Logarithm of most contacts' resistance, over what a sensor's file guesses, from which on they are drawn back: 500
 ohm where a file guesses 10 are common, but 50,000 are what a misfit makes of readings without driven electrodes
@@ -83,7 +84,7 @@ def rested(skin: Skin, evidence: Evidence) -> Rested:
     # What one number explains isn't left for a contact each and places that recover.
     warmth = warmth_at_rest(first, evidence, good, scans - scans.mean(axis=0), columns[:, -1])
     if warmth.name is not None and warmth.uneven < _settled(scans, evidence, good, columns, every[good]):
-        warmth = warmth.nothing
+        warmth = RestWarmth.none_in(scans)
     scans = scans - warmth.change_v
     traces = _needed(every[good], scans - scans.mean(axis=0), columns, evidence.noise_v)
     mean = _undisturbed_mean(scans, columns, traces)

@@ -44,10 +44,10 @@ class RestWarmth(NamedTuple):
     name: str | None
     uneven: float = 0.0
 
-    @property
-    def nothing(self) -> RestWarmth:
-        """That nothing warms."""
-        return RestWarmth(np.zeros_like(self.change_v), 0.0, None)
+    @classmethod
+    def none_in(cls, change_v: Array) -> RestWarmth:
+        """That nothing warms in changes (R,P)."""
+        return cls(np.zeros_like(change_v), 0.0, None)
 
 
 def warmth_at_rest(
@@ -67,7 +67,7 @@ def warmth_at_rest(
         squares = np.array([(part**2).sum(), (uneven(part) ** 2).sum()]) / evidence.noise_v**2
         return np.asarray(squares - count * np.array([width, width - 1]))
 
-    nothing = RestWarmth(np.zeros_like(change_v), 0.0, None)
+    nothing = RestWarmth.none_in(change_v)
     before, chance = excess(change_v), SURELY * np.sqrt(2 * change_v.size)
     if before[0] < chance:
         return nothing

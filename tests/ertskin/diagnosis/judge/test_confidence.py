@@ -26,6 +26,7 @@ from ertskin.diagnosis.judge.confidence import (
 from ertskin.diagnosis.judge.held_out import Predictions
 from ertskin.physics.effects.channel_gain import ChannelGain
 from ertskin.physics.effects.contact_drift import ContactDrift
+from ertskin.physics.effects.crosstalk import Crosstalk
 from ertskin.physics.effects.effect import Effect
 from ertskin.physics.effects.indenter_offset import IndenterOffset
 from ertskin.physics.effects.nonlinear_foam import NonlinearFoam
@@ -135,13 +136,25 @@ def test_fields_are_as_sure_as_fields_have_been_right() -> None:
 
 def test_names_that_spoil_the_prediction_are_half_as_sure() -> None:
     claims = [claim(SheetAnisotropy(stretch_x=0.1), 2.0)]
-    assert spoiling(claims, False, DEFAULT) == claims
-    assert spoiling(claims, True, DEFAULT)[0].confidence == pytest.approx(0.475)
+    assert spoiling(claims, False, False, DEFAULT) == claims
+    assert spoiling(claims, True, True, DEFAULT)[0].confidence == pytest.approx(0.475)
+
+
+def test_what_is_not_known_of_a_field_speaks_against_the_field_alone() -> None:
+    claims = [claim(effect, 2.0) for effect in (PiezoInhomogeneity(amplitude=0.1), Crosstalk(shares=(0.004,) * 16))]
+    field, crosstalk = spoiling(claims, False, True, DEFAULT)
+    assert field.confidence == pytest.approx(0.475)
+    assert crosstalk == claims[1]
+
+
+def test_a_moving_stage_that_only_the_load_cell_shows_spoils_no_prediction() -> None:
+    moving = replace(claim(ScanSkew(speed_m_per_s=2e-5), 2.0), by_force=True)
+    assert spoiling([moving], True, True, DEFAULT) == [moving]
 
 
 def test_what_is_told_place_by_place_spoils_no_prediction() -> None:
     told = replace(claim(PiezoInhomogeneity(amplitude=0.1), 2.0), by_place=True)
-    assert spoiling([told], True, DEFAULT) == [told]
+    assert spoiling([told], True, True, DEFAULT) == [told]
 
 
 def test_presses_predicted_worse_than_by_the_uncorrected_simulator_are_spoilt() -> None:
@@ -149,7 +162,9 @@ def test_presses_predicted_worse_than_by_the_uncorrected_simulator_are_spoilt() 
     held = np.arange(4)
     assert not Predictions(held, before, little).spoilt(DEFAULT)
     # However little is known of a field where nothing pressed: a network would learn what is predicted there.
-    assert Predictions(held, before, more, known_ratio=1.0).spoilt(DEFAULT)
+    unknown = Predictions(held, before, more, known_ratio=1.0)
+    assert unknown.spoilt(DEFAULT)
+    assert not unknown.misled(DEFAULT)
 
 
 def test_a_small_claim_beside_strong_kin_may_only_mend_its_form() -> None:
