@@ -578,12 +578,12 @@ def held_out(solved: Solved, partitions: Sequence[Sequence[int]]) -> Array:
     cells = np.arange(len(quadratic.cost))
     result = np.zeros(len(partitions))
     shift = solved.fit.prior.diagonal()
-    numbers, farthest = _numbers(solved), _farthest(solved)
+    numbers = _numbers(solved)
     for k, out in enumerate(partitions):
         inside = ~np.isin(cells, out)
         hessian = quadratic.hessian[inside].sum(axis=0) + solved.fit.prior
         gradient = quadratic.gradient[inside].sum(axis=0) - shift * solved.fit.from_prior
-        step = _step(hessian, gradient, numbers, farthest)
+        step = _step(hessian, gradient, numbers)
         for cell in out:
             change = -quadratic.gradient[cell] @ step + 0.5 * step @ quadratic.hessian[cell] @ step
             result[k] += quadratic.cost[cell] + max(change, 0.0)
@@ -616,34 +616,20 @@ def _numbers(solved: Solved) -> list[_Numbers]:
     return found
 
 
-def _farthest(solved: Solved) -> tuple[Array, Array]:
-    """Lowest and highest step (n,) of a fit's numbers within the region it was found in; terms have a reach instead."""
-    region, value, first = solved.fit.region, solved.fit.value, solved.first(0)
-    low, high = np.full((2, len(value)), [[-np.inf], [np.inf]])
-    if region is not None:
-        low[:first], high[:first] = (bound[:first] - value[:first] for bound in (region.low, region.high))
-    return np.minimum(low, 0.0), np.maximum(high, 0.0)
-
-
-def _step(hessian: Array, gradient: Array, terms: Sequence[_Numbers], farthest: tuple[Array, Array]) -> Array:
+def _step(hessian: Array, gradient: Array, terms: Sequence[_Numbers]) -> Array:
     """The Newton step. Terms that would go beyond their reach are expected beforehand to be absent, give or take that
-    reach; those that would go beyond it even so are taken away. Other numbers that would go ``farthest`` stop there."""
+    reach; those that would go beyond it even so are taken away."""
     expected: list[_Numbers] = []
     held: list[_Numbers] = []
     step, hessian, gradient = np.zeros(len(gradient)), hessian.copy(), gradient.copy()
-    stopped = np.zeros(len(step), dtype=bool)
     while True:
-        free = ~stopped
+        free = np.ones(len(step), dtype=bool)
         for term in held:
             free[term.index], step[term.index] = False, term.away
         pull = gradient[free] - hessian[np.ix_(free, ~free)] @ step[~free]
         matrix = hessian[np.ix_(free, free)]
         scale = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
         step[free] = np.linalg.lstsq(matrix / scale[:, None] / scale, pull / scale, rcond=1e-11)[0] / scale
-        within = np.clip(step, *farthest)
-        if (within != step).any():
-            stopped, step = stopped | (within != step), within
-            continue
         wild = [t for t in terms if t not in held and (np.abs(step[t.index]) > t.reach).any()]
         if not wild:
             return step

@@ -201,13 +201,14 @@ def _rules(case: Case) -> list[tuple[str, str, Callable[[list[Claim]], list[Clai
     shape = case.evidence.protocol.orthonormal.shape
     residuals = (selection.before.scan_residual, selection.after.scan_residual)
     rest, shown = selection.problem.evidence.rest, _shown_elsewhere(case)
+    at_rest = {chosen.term.name for chosen in selection.chosen if chosen.at_rest >= criteria.most_share}
     misled, spoilt = case.found.misled(criteria), case.found.spoilt(criteria)
     return [
         *_rules_of_misfit(case),
         (
             "mending",
             "small beside one that depends on the same: it may mend that one's form",
-            lambda c: mending(c, criteria, shown, case.baseline.warmth),
+            lambda c: mending(c, criteria, shown, case.baseline.warmth, at_rest),
         ),
         (
             "overshadowed",

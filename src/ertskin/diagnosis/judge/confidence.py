@@ -127,14 +127,18 @@ def explained(before: float, after: float, criteria: Criteria) -> float:
 
 
 def mending(
-    claims: Sequence[Claim], criteria: Criteria, shown: Collection[str] = (), warmth: str | None = None
+    claims: Sequence[Claim],
+    criteria: Criteria,
+    shown: Collection[str] = (),
+    warmth: str | None = None,
+    at_rest: Collection[str] = (),
 ) -> list[Claim]:
     """A claim that is small beside one of its kin may only mend that one's form, which becomes its alternative.
 
     Not so the instrument's effects, which what no network explains has named, nor those ``shown`` by another signal.
     What is measured at rest mends no form of what only presses show, nor does ``warmth``, the name of an effect that
     rest frames clearly show; and what readings show none of what only the load cell does: how much of a misfit they
-    explain can't be compared.
+    explain can't be compared. What frames ``at_rest`` show as well as others mends no form of what needs a press.
     """
     found = []
     for claim in claims:
@@ -142,6 +146,8 @@ def mending(
         kin = [c for c in seen_alike if c.effect.hypothesis.kin & claim.effect.hypothesis.kin]
         if claim.effect.hypothesis.measured == Measured.CONTACT_PATH or claim.effect.name == warmth:
             kin = [c for c in kin if shown_by(c.effect, Signal.REST) or getattr(c.effect, "remembers_air", False)]
+        if claim.effect.name in at_rest:
+            kin = [c for c in kin if not _needs_a_press(c.effect)]
         strongest = max(kin, key=_excess, default=None)
         share = 1.0 if strongest is None else _excess(claim) / max(criteria.form_share * _excess(strongest), 1e-12)
         seen_beyond = shown_by(claim.effect, Signal.NONRECIPROCAL) and not claim.by_force
@@ -153,6 +159,13 @@ def mending(
         others = (*claim.alternatives, (strongest.effect.name, claim.confidence - kept))
         found.append(replace(claim, confidence=kept, alternatives=others))
     return found
+
+
+def _needs_a_press(effect: Effect) -> bool:
+    """Whether frames show nothing of an effect where nothing presses or has pressed."""
+    if getattr(effect, "remembers_air", False):
+        return False
+    return effect.stage in (Stage.MECHANICS, Stage.PIEZORESISTANCE) or Axis.FORCE in effect.hypothesis.axes
 
 
 def overshadowed(

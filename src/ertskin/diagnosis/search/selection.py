@@ -45,6 +45,7 @@ RUN_AWAY = 0.4
 ALIKE = 0.5
 """Part of the best form's gain from which another form of the same effect is settled too."""
 MOST_TERMS = 5
+TINY = 1e-300
 FORM_ERROR = "form_error"
 """What sets tried with a nameless part of the instrument's effects are said to hold."""
 FORMS = 2
@@ -62,7 +63,8 @@ class Chosen:
 
     ``ratio_alone``: rms over noise that this term by itself would make, on frames held out. ``confidence``: that of
     another way to choose, which no rule changes; None where it follows from the rivals and the rules. ``by_place``:
-    misfits over noise of the presses fitted without the field that it is, and with it told place by place.
+    misfits over noise of the presses fitted without the field that it is, and with it told place by place. ``at_rest``:
+    what a frame at rest loses without it, over what a frame loses; 0 where none is fitted.
     """
 
     term: Term
@@ -71,6 +73,7 @@ class Chosen:
     rivals: Rivals
     confidence: float | None = None
     by_place: tuple[float, float] | None = None
+    at_rest: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -469,6 +472,14 @@ def _gone_elsewhere(build: Problem, problem: VoltageProblem, solved: Solved) -> 
     return None if fit is None or fit.problem is problem else fit
 
 
+def _lost_at_rest(problem: VoltageProblem, without: Solved, solved: Solved) -> float:
+    """What a frame at rest loses of its fit without a term, over what a frame of all those fitted loses."""
+    fitted = problem.weight > 0
+    lost = (without.scan_residual**2 - solved.scan_residual**2).sum(axis=1)
+    rest = problem.evidence.rest & fitted
+    return float(lost[rest].mean() / max(lost[fitted].mean(), TINY)) if rest.any() else 0.0
+
+
 def _key(term: Term) -> str:
     return f"{term.name}:{getattr(term.effect, 'electrode', getattr(term.effect, 'channel', ''))}"
 
@@ -498,7 +509,8 @@ def _backward(
             # The instrument's terms gain in every reading, the others in the pairs.
             width = problem.evidence.protocol.orthonormal.shape[0 if shown_by(term.effect, Signal.NONRECIPROCAL) else 1]
             alone = float(np.sqrt(1 + 2 * max(loss, 0.0) / (frames * width / problem.evidence.scan_v.shape[1])))
-            chosen.append(Chosen(term, loss, alone, stand.get(_key(term), ())))
+            at_rest = _lost_at_rest(problem, without, current)
+            chosen.append(Chosen(term, loss, alone, stand.get(_key(term), ()), at_rest=at_rest))
         if dropped is None:
             return tuple(chosen), current
         current = dropped[1]

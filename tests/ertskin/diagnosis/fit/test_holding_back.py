@@ -11,7 +11,6 @@ import pytest
 
 from ertskin.diagnosis.contract.claims import FORM, estimate
 from ertskin.diagnosis.criteria import DEFAULT
-from ertskin.diagnosis.fit.bounded_step import Region
 from ertskin.diagnosis.fit.full_solution_check import CheckedFit
 from ertskin.diagnosis.fit.joint_fit import Solved, Term, _numbers, held_out
 from ertskin.diagnosis.fit.levenberg_marquardt import Fit
@@ -59,20 +58,6 @@ def test_a_term_that_others_half_tell_is_as_far_away_as_they_leave_it() -> None:
     step = (5.0 * 1.0 - 0.1 / reach**2) / (5.0**2 + 1 / reach**2)
     assert -0.1 < step < 0.2
     assert found[0] == pytest.approx(0.5 + 0.5 * (1.0 - 1e3 * step) ** 2)
-
-
-def test_no_cell_is_predicted_by_a_calibration_beyond_its_bounds() -> None:
-    # The other cell would take the first number, which is at its bound, on by 3, and the second along by -3.
-    hessian, slope = np.array([[1.0, 1.0], [1.0, 2.0]]), np.array([3.0, -3.0])
-    quadratic = Quadratic(np.array([9.0, 9.0]), np.array([-slope, hessian @ [3.0, -3.0]]), np.array([hessian] * 2))
-    bounds = Region(np.array([-1.0, -10.0]), np.array([5.0, 10.0]))
-    fit = Fit(np.array([5.0, 0.0]), quadratic, np.zeros((2, 2)), 1, region=bounds)
-    solved = Solved(None, (), fit, np.zeros((1, 1)))  # type: ignore[arg-type]
-    free = replace(solved, fit=replace(fit, region=None))
-    step = np.array([3.0, -3.0])
-    assert held_out(free, [[0]]) == pytest.approx(9.0 + slope @ step + 0.5 * step @ hessian @ step)
-    kept = np.array([0.0, (hessian @ [3.0, -3.0])[1] / 2.0])
-    assert held_out(solved, [[0]]) == pytest.approx(9.0 + slope @ kept + 0.5 * kept @ hessian @ kept)
 
 
 def test_nothing_is_foretold_better_than_it_is_fitted() -> None:

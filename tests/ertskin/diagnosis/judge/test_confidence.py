@@ -28,6 +28,7 @@ from ertskin.physics.effects.channel_gain import ChannelGain
 from ertskin.physics.effects.contact_drift import ContactDrift
 from ertskin.physics.effects.crosstalk import Crosstalk
 from ertskin.physics.effects.effect import Effect
+from ertskin.physics.effects.electrode_displacement import ElectrodeDisplacement
 from ertskin.physics.effects.indenter_offset import IndenterOffset
 from ertskin.physics.effects.nonlinear_foam import NonlinearFoam
 from ertskin.physics.effects.piezo_creep import PiezoCreep
@@ -36,6 +37,7 @@ from ertskin.physics.effects.piezo_inhomogeneity import PiezoInhomogeneity
 from ertskin.physics.effects.scan_skew import ScanSkew
 from ertskin.physics.effects.self_heating import SelfHeating
 from ertskin.physics.effects.sheet_anisotropy import SheetAnisotropy
+from ertskin.physics.effects.sheet_inhomogeneity import SheetInhomogeneity
 from ertskin.physics.effects.temperature_drift import TemperatureDrift
 
 
@@ -119,6 +121,15 @@ def test_warmth_seen_at_rest_mends_no_form_of_what_only_presses_show() -> None:
     assert mending([loop, warmth], DEFAULT, warmth="self_heating") == [loop, warmth]
     # At rest the two look much alike: either may be the other's form.
     assert mending([drift, warmth], DEFAULT, warmth="self_heating")[1].confidence < 0.5
+
+
+def test_what_frames_at_rest_show_as_well_mends_no_form_of_what_needs_a_press() -> None:
+    landing, shifted = claim(IndenterOffset(dx_m=1e-3), 3.0), claim(ElectrodeDisplacement(along_m=3e-4), 1.2)
+    assert mending([landing, shifted], DEFAULT)[1].confidence == pytest.approx(0.475)
+    assert mending([landing, shifted], DEFAULT, at_rest={shifted.effect.name}) == [landing, shifted]
+    # A sheet that varies acts where nothing presses, too.
+    varied = claim(SheetInhomogeneity(amplitude=0.2), 3.0)
+    assert mending([varied, shifted], DEFAULT, at_rest={shifted.effect.name})[1].confidence == pytest.approx(0.475)
 
 
 def test_a_name_of_a_noisy_channel_is_half_as_sure() -> None:
