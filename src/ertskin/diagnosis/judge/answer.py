@@ -46,7 +46,7 @@ from ertskin.diagnosis.rest.baseline import Baseline
 from ertskin.diagnosis.rest.rest_frames import STANDS_OUT
 from ertskin.diagnosis.search.selection import Chosen, Selection
 from ertskin.physics.effects.effect import Stage, shown_by
-from ertskin.physics.effects.hypothesis import Measured, Signal
+from ertskin.physics.effects.hypothesis import Axis, Measured, Signal
 from ertskin.physics.effects.registry import measured_as
 
 SPOILT = "presses that no fit has seen are predicted worse with what is named than without"
@@ -201,7 +201,7 @@ def _rules(case: Case) -> list[tuple[str, str, Callable[[list[Claim]], list[Clai
     shape = case.evidence.protocol.orthonormal.shape
     residuals = (selection.before.scan_residual, selection.after.scan_residual)
     rest, shown = selection.problem.evidence.rest, _shown_elsewhere(case)
-    at_rest = {chosen.term.name for chosen in selection.chosen if chosen.at_rest >= criteria.most_share}
+    at_rest = _shown_at_rest(selection, criteria)
     misled, spoilt = case.found.misled(criteria), case.found.spoilt(criteria)
     return [
         *_rules_of_misfit(case),
@@ -228,6 +228,12 @@ def _rules(case: Case) -> list[tuple[str, str, Callable[[list[Claim]], list[Clai
         ("spoiling", SPOILT, lambda c: spoiling(c, misled, spoilt, criteria)),
         ("maps", "fields so sure have had the right map less often", of_maps),
     ]
+
+
+def _shown_at_rest(selection: Selection, criteria: Criteria) -> set[str]:
+    """Names of effects that stay as they are and that frames at rest show as well as pressed ones do."""
+    shown = [chosen.term for chosen in selection.chosen if chosen.at_rest >= criteria.most_share]
+    return {term.name for term in shown if Axis.TIME not in term.effect.hypothesis.axes}
 
 
 def _rules_of_misfit(case: Case) -> list[tuple[str, str, Callable[[list[Claim]], list[Claim]]]]:
