@@ -208,8 +208,9 @@ class _Search:
         )
         entered = self._first_to_enter(incumbent, trials)
         if entered is None:
-            trials += unforeseen(problem, current, found, self.partitions)
-            entered = self._first_to_enter(incumbent, trials)
+            beyond = unforeseen(problem, current, found, self.partitions)
+            trials += beyond
+            entered = self._first_to_enter(incumbent, beyond)
         if entered is not None:
             entered = _of_few_numbers(self.build, incumbent, entered, trials, self.partitions)
         self.tried += [_as_tried(t, entered is not None and t.term == entered[0].term) for t in trials]

@@ -60,6 +60,31 @@ def test_a_term_that_others_half_tell_is_as_far_away_as_they_leave_it() -> None:
     assert found[0] == pytest.approx(0.5 + 0.5 * (1.0 - 1e3 * step) ** 2)
 
 
+def test_what_did_not_hold_where_it_settles_is_not_settled_once_more(monkeypatch: pytest.MonkeyPatch) -> None:
+    settled: list[str] = []
+
+    def settle(build: Any, solved: Any) -> CheckedFit:
+        settled.append(solved)
+        return CheckedFit(PROBLEM, None, 9.0, 0.0)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(settling, "settled", settle)
+    monkeypatch.setattr(selection, "screen", lambda *given: [])
+    monkeypatch.setattr(selection, "form_error", lambda *given: SimpleNamespace(gain=0.0))
+    monkeypatch.setattr(selection, "worth_a_name", lambda *given: 1.0)
+    monkeypatch.setattr(selection, "is_worth_a_name", lambda *given: True)
+    monkeypatch.setattr(selection, "trials_of", lambda *given: [trial("wild", "one", 50.0)])
+    monkeypatch.setattr(selection, "unforeseen", lambda *given: [trial("far", "other", 40.0)])
+    monkeypatch.setattr(selection, "_as_tried", lambda one, kept: one.solved)
+    monkeypatch.setattr(selection, "exchanged", lambda *given: None)
+    monkeypatch.setattr(selection, "told_by_place", lambda *given: None)
+    solved = SimpleNamespace(effects=(), terms=())
+    problem: Any = SimpleNamespace(evidence=PROBLEM.evidence, at_hand=lambda solved: solved)
+    search = selection._Search(lambda solved: problem, [[0]], lambda share, text: None, 0, {})
+    assert search.one_more(CheckedFit(problem, solved, 3.0, 0.0)) is None  # type: ignore[arg-type]
+    assert settled == ["wild", "far"]
+    assert search.tried == ["wild", "far"]
+
+
 def test_nothing_is_foretold_better_than_it_is_fitted() -> None:
     # Pulls that do not cancel: the fit has not come to rest, and a step would take all of them away.
     solved = fitted([10.0, 10.0], [0.5, 0.5])
