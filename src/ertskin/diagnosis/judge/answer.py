@@ -27,6 +27,7 @@ from ertskin.diagnosis.judge.confidence import (
     left_beyond,
     left_over,
     mending,
+    needs_a_press,
     noisy,
     of_maps,
     overshadowed,
@@ -225,15 +226,21 @@ def _rules(case: Case) -> list[tuple[str, str, Callable[[list[Claim]], list[Clai
             "its channel scatters more than the others: it may be the mean of that",
             lambda c: noisy(c, case.noisy, criteria),
         ),
-        ("spoiling", SPOILT, lambda c: spoiling(c, misled, spoilt, criteria)),
+        ("spoiling", SPOILT, lambda c: spoiling(c, criteria, misled=misled, spoilt=spoilt)),
         ("maps", "fields so sure have had the right map less often", of_maps),
     ]
 
 
 def _shown_at_rest(selection: Selection, criteria: Criteria) -> set[str]:
-    """Names of effects that stay as they are and that frames at rest show as well as pressed ones do."""
-    shown = [chosen.term for chosen in selection.chosen if chosen.at_rest >= criteria.most_share]
-    return {term.name for term in shown if Axis.TIME not in term.effect.hypothesis.axes}
+    """Names of effects that need no press and stay as they are, without any of which a frame at rest loses at least
+    half as much as a frame fitted does."""
+    shown: set[str] = set()
+    hidden: set[str] = set()
+    for chosen in selection.chosen:
+        effect = chosen.term.effect
+        stays = not needs_a_press(effect) and not {Axis.TIME, Axis.HISTORY} & set(effect.hypothesis.axes)
+        (shown if stays and chosen.at_rest >= criteria.most_share else hidden).add(effect.name)
+    return shown - hidden
 
 
 def _rules_of_misfit(case: Case) -> list[tuple[str, str, Callable[[list[Claim]], list[Claim]]]]:

@@ -91,11 +91,12 @@ def of_maps(claims: Sequence[Claim]) -> list[Claim]:
     ]
 
 
-def spoiling(claims: Sequence[Claim], misled: bool, spoilt: bool, criteria: Criteria) -> list[Claim]:
+def spoiling(claims: Sequence[Claim], criteria: Criteria, *, misled: bool, spoilt: bool) -> list[Claim]:
     """Names are half as sure where presses that no fit has seen are predicted worse with them than without.
 
-    ``spoilt``: they are; ``misled``: and by more than what isn't known of a field there, which speaks against fields
-    alone. Exempt is what predicts none: what is told place by place, a stage that moves as only the load cell shows.
+    ``spoilt``: they are; ``misled``: and by more than is expected of the instrument's form and of what isn't known of a
+    field there, which speaks against fields alone. Exempt is what predicts none: what is told place by place, a stage
+    that moves as only the load cell shows.
     """
 
     def doubted(claim: Claim) -> bool:
@@ -147,7 +148,7 @@ def mending(
         if claim.effect.hypothesis.measured == Measured.CONTACT_PATH or claim.effect.name == warmth:
             kin = [c for c in kin if shown_by(c.effect, Signal.REST) or getattr(c.effect, "remembers_air", False)]
         if claim.effect.name in at_rest:
-            kin = [c for c in kin if not _needs_a_press(c.effect)]
+            kin = [c for c in kin if not needs_a_press(c.effect)]
         strongest = max(kin, key=_excess, default=None)
         share = 1.0 if strongest is None else _excess(claim) / max(criteria.form_share * _excess(strongest), 1e-12)
         seen_beyond = shown_by(claim.effect, Signal.NONRECIPROCAL) and not claim.by_force
@@ -161,7 +162,7 @@ def mending(
     return found
 
 
-def _needs_a_press(effect: Effect) -> bool:
+def needs_a_press(effect: Effect) -> bool:
     """Whether frames show nothing of an effect where nothing presses or has pressed."""
     if getattr(effect, "remembers_air", False):
         return False

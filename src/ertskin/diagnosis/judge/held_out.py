@@ -52,7 +52,7 @@ class Predictions:
         return self.ratio_after > criteria.mismatch_ratio * self.ratio_before
 
     def misled(self, criteria: Criteria) -> bool:
-        """Whether it does so by more than what isn't known of a field makes."""
+        """Whether it does so by more than ``known_ratio`` allows for."""
         return self.ratio_judged > criteria.mismatch_ratio * self.ratio_before
 
     @property

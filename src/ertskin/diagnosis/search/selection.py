@@ -45,7 +45,6 @@ RUN_AWAY = 0.4
 ALIKE = 0.5
 """Part of the best form's gain from which another form of the same effect is settled too."""
 MOST_TERMS = 5
-TINY = 1e-300
 FORM_ERROR = "form_error"
 """What sets tried with a nameless part of the instrument's effects are said to hold."""
 FORMS = 2
@@ -64,7 +63,7 @@ class Chosen:
     ``ratio_alone``: rms over noise that this term by itself would make, on frames held out. ``confidence``: that of
     another way to choose, which no rule changes; None where it follows from the rivals and the rules. ``by_place``:
     misfits over noise of the presses fitted without the field that it is, and with it told place by place. ``at_rest``:
-    what a frame at rest loses without it, over what a frame loses; 0 where none is fitted.
+    what a frame at rest loses without it, over what a frame fitted does.
     """
 
     term: Term
@@ -474,11 +473,12 @@ def _gone_elsewhere(build: Problem, problem: VoltageProblem, solved: Solved) -> 
 
 
 def _lost_at_rest(problem: VoltageProblem, without: Solved, solved: Solved) -> float:
-    """What a frame at rest loses of its fit without a term, over what a frame of all those fitted loses."""
+    """What a frame at rest loses of its fit without a term, over what a frame of all those fitted loses; 0 where these
+    lose nothing."""
     fitted = problem.weight > 0
     lost = (without.scan_residual**2 - solved.scan_residual**2).sum(axis=1)
-    rest = problem.evidence.rest & fitted
-    return float(lost[rest].mean() / max(lost[fitted].mean(), TINY)) if rest.any() else 0.0
+    rest, all_lost = problem.evidence.rest & fitted, float(lost[fitted].sum())
+    return float(lost[rest].mean() / lost[fitted].mean()) if rest.any() and all_lost > 0 else 0.0
 
 
 def _key(term: Term) -> str:

@@ -147,25 +147,25 @@ def test_fields_are_as_sure_as_fields_have_been_right() -> None:
 
 def test_names_that_spoil_the_prediction_are_half_as_sure() -> None:
     claims = [claim(SheetAnisotropy(stretch_x=0.1), 2.0)]
-    assert spoiling(claims, False, False, DEFAULT) == claims
-    assert spoiling(claims, True, True, DEFAULT)[0].confidence == pytest.approx(0.475)
+    assert spoiling(claims, DEFAULT, misled=False, spoilt=False) == claims
+    assert spoiling(claims, DEFAULT, misled=True, spoilt=True)[0].confidence == pytest.approx(0.475)
 
 
 def test_what_is_not_known_of_a_field_speaks_against_the_field_alone() -> None:
     claims = [claim(effect, 2.0) for effect in (PiezoInhomogeneity(amplitude=0.1), Crosstalk(shares=(0.004,) * 16))]
-    field, crosstalk = spoiling(claims, False, True, DEFAULT)
+    field, crosstalk = spoiling(claims, DEFAULT, misled=False, spoilt=True)
     assert field.confidence == pytest.approx(0.475)
     assert crosstalk == claims[1]
 
 
 def test_a_moving_stage_that_only_the_load_cell_shows_spoils_no_prediction() -> None:
     moving = replace(claim(ScanSkew(speed_m_per_s=2e-5), 2.0), by_force=True)
-    assert spoiling([moving], True, True, DEFAULT) == [moving]
+    assert spoiling([moving], DEFAULT, misled=True, spoilt=True) == [moving]
 
 
 def test_what_is_told_place_by_place_spoils_no_prediction() -> None:
     told = replace(claim(PiezoInhomogeneity(amplitude=0.1), 2.0), by_place=True)
-    assert spoiling([told], True, True, DEFAULT) == [told]
+    assert spoiling([told], DEFAULT, misled=True, spoilt=True) == [told]
 
 
 def test_presses_predicted_worse_than_by_the_uncorrected_simulator_are_spoilt() -> None:
