@@ -128,7 +128,7 @@ class Criteria:
         "share of a square misfit",
         "what explains more of a misfit than this explains most of it: presses that differ, a displaced pad at rest, a "
         "term that is kept however badly cells predict one another with it; what explains less of what presses change "
-        "leaves that unexplained, what frames at rest lose more of than this, beside others, they show",
+        "leaves that unexplained; frames at rest show what they lose at least this part of beside all frames",
         f"{UNMEASURED}; more than half",
         above=0,
         most=1,

@@ -29,7 +29,7 @@ ROUNDS = 30
 LEAST_LEFT = 0.02
 """Part of a contact's mean resistance that a path must leave of it."""
 LEAST_GUESS_OHM = 10.0
-"""Least contact resistance that a file's guess is believed in: many files say 0 or 1 for want of a measurement."""
+"""Least that a file's guess of a contact's resistance counts as: it begins a fit in logarithms, and may be nought."""
 FAR_FROM_GUESS = 5.0
 """Logarithm of most contacts' resistance, over what a sensor's file guesses, from which on they are drawn back: 500
 ohm where a file guesses 10 are common, but 50,000 are what a misfit makes of readings without driven electrodes

@@ -477,8 +477,8 @@ def _lost_at_rest(problem: VoltageProblem, without: Solved, solved: Solved) -> f
     lose nothing."""
     fitted = problem.weight > 0
     lost = (without.scan_residual**2 - solved.scan_residual**2).sum(axis=1)
-    rest, all_lost = problem.evidence.rest & fitted, float(lost[fitted].sum())
-    return float(lost[rest].mean() / lost[fitted].mean()) if rest.any() and all_lost > 0 else 0.0
+    rest, of_all = problem.evidence.rest & fitted, float(lost[fitted].mean())
+    return float(lost[rest].mean()) / of_all if rest.any() and of_all > 0 else 0.0
 
 
 def _key(term: Term) -> str:
