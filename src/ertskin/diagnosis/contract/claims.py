@@ -39,13 +39,15 @@ class FieldMap:
     """The values (n,) of an effect's field at points (n,2) in metre.
 
     Of its smooth part, where there is one, the standard ``error`` (n,) and where the recording has
-    ``determined`` it (n,). ``taxels``: the same at the sensing points, for a map of points between them.
+    ``determined`` it (n,). ``right``: how likely it follows the true field over all its points (correlation of 0.8).
+    ``taxels``: the same at the sensing points, for a map of points between them.
     """
 
     point_m: NDArray[np.float64]
     value: NDArray[np.float64]
     error: NDArray[np.float64] | None = None
     determined: NDArray[np.bool_] | None = None
+    right: float | None = None
     taxels: FieldMap | None = None
 
     def as_builtins(self) -> dict[str, Any]:
@@ -58,6 +60,8 @@ class FieldMap:
             found["error"] = np.round(self.error, 5).tolist()
         if self.determined is not None:
             found["determined"] = self.determined.tolist()
+        if self.right is not None:
+            found["right"] = round(self.right, 3)
         return found if self.taxels is None else found | {"taxels": self.taxels.as_builtins()}
 
 
@@ -98,7 +102,8 @@ class Tried:
 
 @dataclass(frozen=True)
 class Claim:
-    """One named effect. ``ratio_alone``: rms over noise that it by itself would make, held out.
+    """One named effect, ``confidence`` that of its name. ``ratio_alone``: rms over noise that it by itself would make,
+    held out.
 
     ``rivals``: what else was fitted in its stead; ``reasons`` for the confidence, in the order in which they count.
     ``quantities`` mean the same in any form of the effect; ``field_map`` is of an effect that has a
@@ -119,6 +124,24 @@ class Claim:
     by_force: bool = False
     misfits_by_place: tuple[float, float] | None = None
     by_place: bool = False
+
+    @property
+    def right_map(self) -> float | None:
+        """How likely its map follows the true field over the sensing points; None of what has none, or of a field of
+        few numbers, whose name stands for its map."""
+        field_map = self.field_map
+        return None if field_map is None else (field_map.taxels or field_map).right
+
+    @property
+    def right(self) -> float:
+        """How likely name and place are right: of a field, its map as well."""
+        return self.confidence if self.right_map is None else self.confidence * self.right_map
+
+    @property
+    def how_sure(self) -> str:
+        """The name's confidence for a reader, and that of name and map where it is another."""
+        named, both = f"{self.confidence:.2f}", f"{self.right:.2f}"
+        return named if named == both else f"{named}, with its map {both}"
 
     @property
     def in_readings(self) -> bool:
@@ -142,11 +165,18 @@ class Claim:
             for key, several in found.items()
         }
 
+    def _reason_of_map(self) -> tuple[Reason, ...]:
+        if self.right_map is None:
+            return ()
+        why = "so likely its map follows the true field over all sensing points, those not told among them"
+        return (Reason("map", self.confidence, self.right, why),)
+
     def as_builtins(self) -> dict[str, Any]:
-        """As ``diagnosis.json`` wants it."""
+        """As ``diagnosis.json`` wants it: ``confidence`` is of name and place, ``name_confidence`` of the name."""
         return {
             "name": self.effect.name,
-            "confidence": round(self.confidence, 3),
+            "confidence": round(self.right, 3),
+            "name_confidence": round(self.confidence, 3),
             "ratio_alone": round(self.ratio_alone, 4),
             "parameters": {key: e.as_builtins() for key, e in self.parameters.items()}
             | {
@@ -155,7 +185,7 @@ class Claim:
                 if key in ("electrode", "channel") and isinstance(value, int) and value >= 0
             },
             "alternatives": [{"name": n, "confidence": round(c, 3)} for n, c in self.alternatives],
-            "reasons": [reason.as_builtins() for reason in self.reasons],
+            "reasons": [reason.as_builtins() for reason in (*self.reasons, *self._reason_of_map())],
             "quantities": {key: e.as_builtins() for key, e in self.quantities.items()},
             "map": None if self.field_map is None else self.field_map.as_builtins(),
         }

@@ -14,8 +14,9 @@ from ertskin.diagnosis.criteria import Criteria
 from ertskin.diagnosis.fit.joint_fit import Solved
 from ertskin.diagnosis.force.fit import ForceFit
 from ertskin.diagnosis.judge.confidence import explained, reasoned
+from ertskin.diagnosis.judge.map_probability import right_as_fitted, right_by_places
 from ertskin.diagnosis.judge.result import Findings
-from ertskin.diagnosis.judge.undetermined_field import errors_at
+from ertskin.diagnosis.judge.undetermined_field import known_at
 from ertskin.diagnosis.linear.calibration_vector import SkinFamily
 from ertskin.diagnosis.recording.evidence import Evidence
 from ertskin.diagnosis.rest.baseline import Baseline
@@ -137,15 +138,21 @@ def _of_field(claim: Claim, selection: Selection, standard: Standard) -> Claim:
 def _as_known(field: FieldMap, name: str, solved: Solved, extent_m: Array) -> FieldMap:
     """The map with what the fit knows of it, where a smooth field of this name is in it."""
     taxels = None if field.taxels is None else _as_known(field.taxels, name, solved, extent_m)
-    error, determined = errors_at(solved, extent_m, field.point_m).get(name, (None, None))
-    return replace(field, error=error, determined=determined, taxels=taxels)
+    known = known_at(solved, extent_m, field.point_m).get(name)
+    if known is None:
+        return replace(field, taxels=taxels)
+    inflation = max(1.0, float((solved.scan_residual**2).mean()))
+    right = right_as_fitted(field.value, inflation * known.covariance)
+    return replace(field, error=known.error, determined=known.determined, right=right, taxels=taxels)
 
 
 def where_pressed(field: FieldMap, place_m: Array) -> FieldMap:
     """The map, determined next to places (m,2) alone: how sure a smooth field would be elsewhere says nothing."""
     taxels = None if field.taxels is None else where_pressed(field.taxels, place_m)
     apart_m = np.linalg.norm(field.point_m[:, None] - place_m, axis=-1).min(axis=1)
-    return replace(field, error=None, determined=apart_m <= NEXT_TO_M, taxels=taxels)
+    determined = apart_m <= NEXT_TO_M
+    right = right_by_places(field.value, determined)
+    return replace(field, error=None, determined=determined, right=right, taxels=taxels)
 
 
 def spread_of(sample: Array) -> Estimate:

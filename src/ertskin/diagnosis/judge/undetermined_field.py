@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from functools import partial
 from typing import cast
 
@@ -46,21 +47,39 @@ def ratio_with_what_is_unknown(problem: VoltageProblem, solved: Solved, after: A
     return float(np.sqrt(max(float(wrong @ wrong) - explained, 0.0) / wrong.size))
 
 
-def errors_at(solved: Solved, extent_m: Array, point_m: Array) -> dict[str, tuple[Array, NDArray[np.bool_]]]:
-    """By name, the standard error (N,) of each smooth field's logarithm at points (N,2), and where it is determined."""
+@dataclass(frozen=True, eq=False)
+class Known:
+    """What a fit leaves of a smooth field's logarithm at N points: its covariance (N,N), and its standard deviation
+    beforehand."""
+
+    covariance: Array
+    spread: float
+
+    @property
+    def error(self) -> Array:
+        """(N,) standard errors."""
+        return np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
+
+    @property
+    def determined(self) -> NDArray[np.bool_]:
+        """(N,) where the recording has determined it."""
+        return np.asarray(self.error < MOST_LEFT * self.spread)
+
+
+def known_at(solved: Solved, extent_m: Array, point_m: Array) -> dict[str, Known]:
+    """By name, what a fit knows of each smooth field at points (N,2)."""
     found = {}
     for number, covariance in _covariances(solved, extent_m):
         design = field_design(node_shape(extent_m), point_m, extent_m)
-        error = np.sqrt(np.maximum(((design @ covariance) * design).sum(axis=1), 0.0))
         term = solved.terms[number]
-        found[term.name] = error, error < MOST_LEFT * cast(Modes, term.modes).spread
+        found[term.name] = Known(design @ covariance @ design.T, cast(Modes, term.modes).spread)
     return found
 
 
 def determined_points(solved: Solved, sensor: Sensor) -> list[tuple[str, int, int]]:
     """The smooth fields of a fit by name, at how many of the sensing points each is determined, and of how many."""
-    errors = errors_at(solved, sensor.extent_m, sensor.taxel_m)
-    return [(name, int(determined.sum()), len(determined)) for name, (_, determined) in errors.items()]
+    known = known_at(solved, sensor.extent_m, sensor.taxel_m)
+    return [(name, int(one.determined.sum()), len(one.determined)) for name, one in known.items()]
 
 
 def _covariances(solved: Solved, extent_m: Array) -> Iterator[tuple[int, Array]]:

@@ -77,7 +77,7 @@ def _missing(claims: tuple[Claim, ...]) -> Section:
             Row(
                 (
                     (words_of(name), claim.effect.stage),
-                    (f"{claim.confidence:.2f}", ""),
+                    (claim.how_sure, ""),
                     (f"{claim.ratio_alone:.3g}", ""),
                     ("", values),
                     ("", rivals),

@@ -63,6 +63,12 @@ def _explained(effect: dict[str, Any]) -> str:
     return "; ".join(reasons) if reasons else f"confidence {effect['confidence']:.2f}"
 
 
+def _how_sure(effect: dict[str, Any]) -> str:
+    """The name's confidence, and that of name and map where it is another; a diagnosis of before had but one."""
+    named, both = effect.get("name_confidence", effect["confidence"]), effect["confidence"]
+    return f"{named:.2f}" if f"{named:.2f}" == f"{both:.2f}" else f"{named:.2f}, with its map {both:.2f}"
+
+
 def _named(effects: list[dict[str, Any]]) -> Table:
     rows = []
     for effect in effects:
@@ -73,7 +79,7 @@ def _named(effects: list[dict[str, Any]]) -> Table:
             Row(
                 (
                     (words_of(effect["name"]), ""),
-                    (f"{effect['confidence']:.2f}", ""),
+                    (_how_sure(effect), ""),
                     (f"{effect['ratio_alone']:.3g}", ""),
                     ("", "\n".join(values)),
                     ("", ", ".join(rivals) or "none"),

@@ -134,3 +134,18 @@ def test_what_places_tell_is_no_surer_than_all_presses_make_it(
     assert [reason.rule for reason in judged.reasons] == ([] if confidence == 0.9 else ["all_presses"])
     foretelling = replace(claim, by_place=False)
     assert as_sure_as_all(foretelling, SimpleNamespace(chosen=chosen), DEFAULT) is foretelling  # type: ignore[arg-type]
+
+
+def test_a_name_told_at_few_places_is_surer_than_its_map() -> None:
+    effect = PiezoInhomogeneity(amplitude=0.5, x_m=0.04, y_m=0.06, radius_m=0.02)
+    field = field_map(effect, SENSOR)
+    assert field is not None
+    assert Claim(effect, 0.9, 2.0, {}, field_map=field).as_builtins()["confidence"] == 0.9
+    claim = Claim(effect, 0.9, 2.0, {}, field_map=where_pressed(field, SENSOR.taxel_m[[3, 7]]), by_place=True)
+    written = claim.as_builtins()
+    assert written["name_confidence"] == 0.9
+    assert written["confidence"] < 0.1
+    assert written["map"]["taxels"]["right"] == pytest.approx(written["confidence"] / 0.9, abs=1e-2)
+    last = written["reasons"][-1]
+    assert (last["rule"], last["before"], last["after"]) == ("map", 0.9, written["confidence"])
+    assert claim.how_sure == f"0.90, with its map {claim.right:.2f}"
