@@ -131,8 +131,10 @@ def _of_field(claim: Claim, selection: Selection, standard: Standard) -> Claim:
     if not claim.by_place:
         return replace(claim, field_map=field)
     place_m = pressed_places_m(selection.problem)
-    spread = spread_of(logarithms(claim.effect, place_m, standard.extent_m))
-    return replace(claim, field_map=where_pressed(field, place_m), quantities=claim.quantities | {"log_spread": spread})
+    value = logarithms(claim.effect, place_m, standard.extent_m)
+    side_m = float(np.ptp(standard.extent_m, axis=0).max())
+    quantities = claim.quantities | {"log_spread": spread_of(value)}
+    return replace(claim, field_map=where_pressed(field, place_m, value, side_m), quantities=quantities)
 
 
 def _as_known(field: FieldMap, name: str, solved: Solved, extent_m: Array) -> FieldMap:
@@ -146,12 +148,13 @@ def _as_known(field: FieldMap, name: str, solved: Solved, extent_m: Array) -> Fi
     return replace(field, error=known.error, determined=known.determined, right=right, taxels=taxels)
 
 
-def where_pressed(field: FieldMap, place_m: Array) -> FieldMap:
-    """The map, determined next to places (m,2) alone: how sure a smooth field would be elsewhere says nothing."""
-    taxels = None if field.taxels is None else where_pressed(field.taxels, place_m)
+def where_pressed(field: FieldMap, place_m: Array, value: Array, side_m: float) -> FieldMap:
+    """The map, determined next to places (m,2) alone, where the field is ``value`` (m,), on a sheet of this longer
+    side: how sure a smooth field would be elsewhere says nothing."""
+    taxels = None if field.taxels is None else where_pressed(field.taxels, place_m, value, side_m)
     apart_m = np.linalg.norm(field.point_m[:, None] - place_m, axis=-1).min(axis=1)
     determined = apart_m <= NEXT_TO_M
-    right = right_by_places(field.value, determined)
+    right = right_by_places(field.value, field.point_m, value, place_m, side_m)
     return replace(field, error=None, determined=determined, right=right, taxels=taxels)
 
 
