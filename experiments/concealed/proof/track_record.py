@@ -1,0 +1,75 @@
+"""Samples side by side and together: ``python experiments/concealed/proof/track_record.py SAMPLE [SAMPLE ...] --out DIR``.
+
+Every SAMPLE is a folder of results that ``score.py`` can judge; its seals are checked first. Each was diagnosed by the
+code of its own day: together they say how often an answer was right when it was given, not how good the last code is.
+Writes DIR/track_record.md and DIR/track_record.png, stated confidence against how often it was right.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+import seals
+from judged import DiagnosisError, Judged
+from rows import Calibration, FormClasses, Row, reliability, rows
+from score import draw, judged, opened
+
+METHOD = "ertskin"
+COLUMNS = {
+    "false alarms on nulls": "nulls",
+    "confident (0.9) wrong names, all cases": "confident wrong",
+    "first name right, own ratio from 1.3": "from 1.3",
+    "first name right, 1.075 to 1.3": "1.075 to 1.3",
+    "compounds: every name at 0.5 or more": "compounds",
+    "families: unexplained or partly, no wrong name": "families",
+    "held out after at most 1.05, right names": "held out",
+    "90 % intervals hold the truth": "intervals",
+    "names nothing though something is hidden": "nothing named",
+}
+"""Rows of the score that are columns, and their heads."""
+
+
+def line(name: str, cases: list[Judged]) -> str:
+    """A sample's row of the table, its calibration error last."""
+    by_label = {row.label: row for row in rows(cases, FormClasses({}))}
+    shares = [f"{by_label[label].total.hits:g}/{by_label[label].total.count}" for label in COLUMNS]
+    calibration = Calibration.of(cases)
+    return f"| {' | '.join((name, *shares, 'no claim' if calibration is None else f'{calibration.error:.3f}'))} |"
+
+
+def together(cases: list[Judged]) -> list[str]:
+    """Every row over all cases, with its interval."""
+    kept: list[Row] = [row for row in rows(cases, FormClasses({})) if row.label in COLUMNS]
+    lines = [f"| {row.label} | {row.goal} | {row.total} |" for row in kept]
+    return ["| | wanted | together |", "| --- | --- | --- |", *lines, _calibration_line(cases)]
+
+
+def _calibration_line(cases: list[Judged]) -> str:
+    return f"| of names at p, p right (expected calibration error) | 0.03 | {Calibration.of(cases) or 'no claim'} |"
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("samples", type=Path, nargs="+", help="folders of results, in the order of the table")
+    parser.add_argument("--out", type=Path, required=True, help="folder for the table and the figure")
+    options = parser.parse_args()
+    try:
+        by_sample = {one.name: judged(one, opened(one))[METHOD] for one in options.samples}
+    except (seals.SealError, DiagnosisError) as error:
+        print(error, file=sys.stderr)
+        return 2
+    every = [case for cases in by_sample.values() for case in cases]
+    heads = " | ".join(("sample", *COLUMNS.values(), "calibration error"))
+    lines = [f"# {len(by_sample)} samples, {len(every)} cases, all seals hold", "", f"| {heads} |"]
+    lines += ["|" + " --- |" * (len(COLUMNS) + 2), *(line(name, cases) for name, cases in by_sample.items()), ""]
+    lines += together(every)
+    (options.out / "track_record.md").write_text("\n".join(lines) + "\n")
+    draw({METHOD: {"reliability": reliability(every)}}, options.out / "track_record.png")
+    print("\n".join(lines))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
