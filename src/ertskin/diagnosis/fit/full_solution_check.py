@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ertskin.diagnosis.fit.joint_fit import Solved, VoltageProblem
+from ertskin.diagnosis.fit.joint_fit import Solved, VoltageProblem, halfway
 from ertskin.diagnosis.fit.levenberg_marquardt import Fit
 
 Problem = Callable[[Solved | None], VoltageProblem]
@@ -18,7 +19,9 @@ FAR = 0.25
 """Share of the misfit, or of the noise where that is more, by which linearised frames may be off."""
 TURNS = 6
 NEARER = 0.7
-"""Factor by which a turn must bring the linearised skin nearer to the skin for another to be worth it."""
+"""Factor by which a turn must bring the linearised skin nearer to the skin to have been a good one."""
+BETTER = 0.99
+"""Part of the least misfit so far below which a turn that goes halfway must come for another to be worth it."""
 
 TINY = 1e-300
 EXACT_TURNS = 3
@@ -77,19 +80,26 @@ def checked_fit(problem: VoltageProblem, solved: Solved) -> CheckedFit:
 def settled(build: Problem, solved: Solved) -> CheckedFit:
     """Linearised about the fit and fitted again, until the fit stays where the linearised skin is the skin.
 
-    What presses have left behind elsewhere is to first order about rest wherever the skin is linearised: where that
-    is what they differ by, no further turn helps; nor where the fit hasn't moved.
+    Where a turn brings the linearised skin no nearer to the skin the fit has gone too far: the next is linearised
+    halfway. Where that fits hardly better than any turn before, none will, and it is the best of them. What presses
+    have left behind elsewhere is to first order about rest wherever the skin is linearised: where that is what they
+    differ by no further turn helps.
     """
-    off = np.inf
     lasting = any(getattr(effect, "remembers_air", False) for effect in solved.effects)
+    off, halved, best = np.inf, False, None
     for _ in range(TURNS):
         problem = build(solved)
-        solved = problem.solve(solved.terms, solved.calibration)
-        checked = checked_fit(problem, solved)
-        if checked.holds or (lasting and checked.off > NEARER * off):
+        checked = checked_fit(problem, problem.solve(solved.terms, solved.calibration))
+        if checked.holds:
+            return checked
+        helped = best is None or checked.misfit < BETTER * best.misfit
+        best = checked if best is None else min(best, checked, key=lambda fit: fit.misfit)
+        nearer = checked.off <= NEARER * off
+        if not nearer and (lasting or (halved and not helped)):
             break
-        off = checked.off
-    return checked
+        halved, off = not nearer, min(off, checked.off)
+        solved = halfway(solved, checked.solved) if halved else checked.solved
+    return cast(CheckedFit, best)
 
 
 def exact(problem: VoltageProblem, solved: Solved) -> tuple[VoltageProblem, Solved]:

@@ -567,6 +567,13 @@ class _Layout:
         return mean, precision
 
 
+def halfway(one: Solved, other: Solved) -> Solved:
+    """Between two fits of the same terms: their numbers' means, the rest as in the ``other``."""
+    middle = 0.5 * (one.fit.value + other.fit.value)
+    calibration, terms = _Layout(other.terms, len(other.calibration.vector())).split(middle)
+    return replace(other, calibration=calibration, terms=terms, fit=replace(other.fit, value=middle))
+
+
 def held_out(solved: Solved, partitions: Sequence[Sequence[int]]) -> Array:
     """(len(partitions),) half chi-square of each held-out set of cells after one Newton step on all the others.
 

@@ -67,3 +67,41 @@ def test_where_the_fit_stays_no_further_turn_is_made(
 
     settled(build, moved(solved, -1, 5.0))
     assert len(asked) == turns
+
+
+def turns_of(
+    made: tuple[VoltageProblem, Solved], checks: list[tuple[float, float]], monkeypatch: pytest.MonkeyPatch
+) -> tuple[CheckedFit, list[float]]:
+    """What settling comes to where turns have these misfits and are off by so much, and where each was linearised: the
+    last number, in standard errors from the fit."""
+    problem, solved = made
+    told = iter(checks)
+    monkeypatch.setattr(full_solution_check, "checked_fit", lambda problem, fit: CheckedFit(problem, fit, *next(told)))
+    error, asked = float(np.sqrt(solved.fit.covariance[-1, -1])), []
+
+    def build(fit: Solved | None) -> VoltageProblem:
+        assert fit is not None
+        asked.append(float(fit.fit.value[-1] - solved.fit.value[-1]) / error)
+        assert fit.terms[0].effect.width == pytest.approx(fit.fit.value[-1])
+        # Far from itself: that the fit hasn't moved must not end the turns.
+        return replace(problem, about=None)
+
+    return settled(build, moved(solved, -1, 40.0)), asked
+
+
+def test_a_turn_that_leads_no_nearer_is_made_halfway(
+    made: tuple[VoltageProblem, Solved], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    found, asked = turns_of(made, [(3.0, 9.0), (3.0, 8.0), (1.0, 0.0)], monkeypatch)
+    assert found.misfit == 1.0
+    first, second, third = asked
+    assert first == pytest.approx(40.0)
+    assert third == pytest.approx(0.5 * second, abs=0.1)
+
+
+def test_turns_end_where_halfway_helps_no_more_with_the_best_of_them(
+    made: tuple[VoltageProblem, Solved], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    found, asked = turns_of(made, [(3.0, 9.0), (2.0, 8.0), (1.5, 7.5), (1.6, 7.6), (1.0, 0.0)], monkeypatch)
+    assert len(asked) == 4
+    assert found.misfit == 1.5
