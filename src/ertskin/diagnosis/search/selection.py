@@ -119,13 +119,13 @@ def select(
         # A form is freed about the fit itself: further off it would mend what linearising leaves.
         incumbent = refined(build, incumbent, partitions)
     search = _Search(build, partitions, report, len(fixed), {_key(term): rivals for term, rivals in begun})
-    chosen, incumbent = search.pruned(search.grown(incumbent))
+    chosen, incumbent = search.fields_reconsidered(*search.pruned(search.grown(incumbent)))
     specimen = None if incumbent.problem.specimen is None else "agrees"
     if search.disagrees or search.specimen_differs(incumbent):
         if not search.disagrees:
             # What made up for another fabric's law on the way goes first.
             _, incumbent = search.pruned(search.by_own_readings(incumbent))
-            chosen, incumbent = search.pruned(search.grown(incumbent))
+            chosen, incumbent = search.fields_reconsidered(*search.pruned(search.grown(incumbent)))
         specimen, before = "disagrees", _calibrated(search.build, fixed, start).solved
     problem, current = incumbent.problem, incumbent.solved
     if chosen:
@@ -251,6 +251,36 @@ class _Search:
         proposed, gain = found
         self.tried.append(Tried(tuple(term.name for term in proposed.solved.terms), gain, True))
         return refined(self.build, proposed, self.partitions)
+
+    def fields_reconsidered(
+        self, chosen: tuple[Chosen, ...], incumbent: CheckedFit
+    ) -> tuple[tuple[Chosen, ...], CheckedFit]:
+        """With what takes a field's place once the terms that entered after it are there, and what follows.
+
+        While others are missing a field also takes up some of what they do, and wins against a form of few numbers
+        that explains all the rest: a pad out of place on a sheet that warms was one of a hundred modes.
+        """
+        for number in range(self.fixed, len(incumbent.solved.terms) - 1):
+            proposed = self._in_a_fields_place(incumbent, number)
+            if proposed is None:
+                continue
+            others, reached = self.pruned(self.grown(proposed))
+            if not reached.spoils(incumbent):
+                return others, reached
+        return chosen, incumbent
+
+    def _in_a_fields_place(self, incumbent: CheckedFit, number: int) -> CheckedFit | None:
+        """The fit with the likeliest term in the place of the smooth field of this ``number``; None where that is the
+        field."""
+        problem, current = incumbent.problem, incumbent.solved
+        field = current.terms[number]
+        if field.modes is None:
+            return None
+        rest = [*current.terms[:number], *current.terms[number + 1 :]]
+        begun = problem.solve(rest, current.calibration, leftover=current.leftover)
+        without = where_it_settles(self.build, problem, begun)
+        proposed = None if without is None else self.one_more(without)
+        return None if proposed is None or proposed.solved.terms[-1].name == field.name else proposed
 
     def pruned(self, incumbent: CheckedFit) -> tuple[tuple[Chosen, ...], CheckedFit]:
         """What is left without terms that the others have made superfluous, where the skin is the linearised one."""

@@ -19,7 +19,7 @@ LOOP = PiezoHysteresis(width=0.1)
 def checked_fit(own: tuple[Any, ...] = ()) -> Any:
     """A fit of a skin and a specimen that remembers by its ``own`` effects."""
     problem: Any = SimpleNamespace(specimen=SimpleNamespace(effects=own), evidence=SimpleNamespace(criteria=DEFAULT))
-    solved: Any = SimpleNamespace(effects=())
+    solved: Any = SimpleNamespace(effects=(), terms=())
     return CheckedFit(problem, solved, 1.0, 0.0)
 
 

@@ -1,0 +1,80 @@
+"""A field that entered while other effects were missing is asked for once more where they are there."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from ertskin.diagnosis.criteria import DEFAULT
+from ertskin.diagnosis.fit.full_solution_check import CheckedFit
+from ertskin.diagnosis.search import selection
+
+
+@dataclass(frozen=True)
+class NamedTerm:
+    """A term as far as the search asks for it."""
+
+    name: str
+    modes: object | None = None
+
+
+FIELD, DRIFT, PAD, LOOP = NamedTerm("field", "modes"), NamedTerm("drift"), NamedTerm("pad"), NamedTerm("loop")
+
+
+def fit_of(*terms: NamedTerm, misfit: float = 1.0) -> CheckedFit:
+    solved: Any = SimpleNamespace(terms=terms, calibration=None, leftover=False)
+    problem: Any = SimpleNamespace(
+        evidence=SimpleNamespace(criteria=DEFAULT),
+        solve=lambda terms, calibration, leftover: fit_of(*terms).solved,
+    )
+    return CheckedFit(problem, solved, misfit, 0.0)
+
+
+def reconsidered(
+    incumbent: CheckedFit, then: NamedTerm | None, monkeypatch: pytest.MonkeyPatch, misfit: float = 1.0, fixed: int = 0
+) -> tuple[list[str], list[str]]:
+    """The names chosen where ``then`` enters in the field's place, and those it was asked beside."""
+    asked: list[str] = []
+
+    def one_more(search: selection._Search, without: CheckedFit) -> CheckedFit | None:
+        asked.extend(term.name for term in without.solved.terms)
+        return None if then is None else replace(fit_of(*without.solved.terms, then), misfit=misfit)
+
+    monkeypatch.setattr(selection, "where_it_settles", lambda build, problem, solved: fit_of(*solved.terms))
+    monkeypatch.setattr(selection._Search, "one_more", one_more)
+    monkeypatch.setattr(selection._Search, "grown", lambda search, fit: fit)
+    monkeypatch.setattr(selection._Search, "pruned", lambda search, fit: (tuple(fit.solved.terms[fixed:]), fit))
+    search = selection._Search(None, [], lambda share, text: None, fixed, {})  # type: ignore[arg-type]
+    chosen: Any = tuple(incumbent.solved.terms[fixed:])
+    found, fit = search.fields_reconsidered(chosen, incumbent)
+    assert tuple(fit.solved.terms[fixed:]) == found
+    return [term.name for term in fit.solved.terms[fixed:]], asked
+
+
+def test_what_explains_as_much_beside_the_others_takes_its_place(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert reconsidered(fit_of(FIELD, DRIFT), PAD, monkeypatch) == (["drift", "pad"], ["drift"])
+
+
+@pytest.mark.parametrize("then", [FIELD, None])
+def test_the_field_stays_where_it_is_the_likeliest_again(
+    then: NamedTerm | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert reconsidered(fit_of(FIELD, DRIFT), then, monkeypatch) == (["field", "drift"], ["drift"])
+
+
+def test_what_fits_worse_in_the_end_takes_nobodys_place(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert reconsidered(fit_of(FIELD, DRIFT), PAD, monkeypatch, misfit=1.2)[0] == ["field", "drift"]
+
+
+@pytest.mark.parametrize("terms", [(DRIFT, FIELD), (LOOP, DRIFT)])
+def test_the_last_to_enter_and_what_is_no_field_are_not_asked(
+    terms: tuple[NamedTerm, ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert reconsidered(fit_of(*terms), PAD, monkeypatch) == ([term.name for term in terms], [])
+
+
+def test_fixed_terms_stay(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert reconsidered(fit_of(FIELD, DRIFT, LOOP), PAD, monkeypatch, fixed=1) == (["drift", "loop"], [])
