@@ -219,6 +219,9 @@ def _uncorrected(
     evidence: Evidence, baseline: Baseline, family: SkinFamily, fitted: Indices, selection: Selection
 ) -> Solved:
     """The simulator calibrated without any effect, forces from a linear pad: what the diagnosis is to improve on."""
+    if not selection.after.effects:
+        # Nothing is left of what was tried, but the calibration has come further on the way.
+        return selection.after
     if not selection.before.effects:
         return selection.before
     skin = family.remeshed(_start(baseline), ())
