@@ -29,6 +29,7 @@ class IndenterOffset(PlacementEffect):
         "Rigid motion of one frame against the other; squareness and lead errors of an XY stage, Schwenke and others, "
         "CIRP Annals 57 (2008) 660"
     )
+    form_error: ClassVar[float] = 0.06
     hypothesis: ClassVar[Hypothesis] = Hypothesis(
         (Axis.PLACE,), (Signal.READINGS,), (Need.PRESSES,), measured=Measured.LANDING
     )

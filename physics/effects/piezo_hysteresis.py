@@ -37,6 +37,7 @@ class PiezoHysteresis(PiezoEffect):
         "Int. J. Eng. Sci. 24 (1986) 897"
     )
     order: ClassVar[int] = 2
+    form_error: ClassVar[float] = 0.09
     hypothesis: ClassVar[Hypothesis] = Hypothesis(
         (Axis.HISTORY, Axis.FORCE), (Signal.READINGS, Signal.SPECIMEN), (Need.PRESSES,)
     )

@@ -62,6 +62,7 @@ class TemperatureDrift(SheetEffect):
 
     name: ClassVar[str] = "temperature_drift"
     source: ClassVar[str] = "PPy-coated fabric changes by about -0.6 %/K; a room by kelvins an hour"
+    form_error: ClassVar[float] = 0.15
     hypothesis: ClassVar[Hypothesis] = Hypothesis(
         (Axis.TIME,), (Signal.READINGS, Signal.REST), (Need.REST_FRAMES,), must_show_at_rest=True
     )

@@ -50,7 +50,7 @@ def test_the_wider_of_two_covariances_counts_and_none_is_narrower_than_a_form() 
     ]
     wide, wider, least = (e.high - e.value for e in half)
     assert wider == pytest.approx(3 * wide, rel=0.05)
-    assert least == pytest.approx(0.02 * half[2].value)
+    assert least == pytest.approx(PiezoHysteresis.form_error * half[2].value)
 
 
 def test_a_claim_states_its_map_in_the_sheet() -> None:
