@@ -56,8 +56,10 @@ class Judged:
 
     @property
     def claims(self) -> list[dict[str, Any]]:
-        """Effects named, the most confident first."""
-        return sorted(self.diagnosis.get("effects") or [], key=lambda one: -one["confidence"])
+        """Effects named, the most confident first; of fields by their names' confidence, for maps aren't judged."""
+        said = self.diagnosis.get("effects") or []
+        named = [{**one, "confidence": one.get("name_confidence", one["confidence"])} for one in said]
+        return sorted(named, key=lambda one: -one["confidence"])
 
     @property
     def column(self) -> str:

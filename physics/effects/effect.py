@@ -81,8 +81,7 @@ class Effect:
     hypothesis: ClassVar[Hypothesis]
     form_error: ClassVar[float] = 0.02
     """Share by which its quantities may be off because the real thing has another form, which no fit tells: half a 90 %
-    interval. Of those above the least, what other forms came out at in ``experiments/concealed/results``; of warmth,
-    also the part of what it does at rest that its form may leave."""
+    interval. Of those above the least, what other forms came out at in ``experiments/concealed/results``."""
 
     def __post_init__(self) -> None:
         for key, known in self.parameters().items():
@@ -293,6 +292,8 @@ class SheetEffect(Effect):
 
     stage: ClassVar[Stage] = Stage.CONDUCTION
     order: ClassVar[int] = 0
+    form_error_at_rest: ClassVar[float] = 0.02
+    """Share of what its ``warmth`` does at rest that the real thing's form may leave."""
 
     def conductivity_s(self, conductivity_s: Array, position_m: Array, extent_m: Array) -> Array:
         """(...,N) or (...,N,3) sheet conductance [xx, xy, yy] from (...,N) or (...,N,3) at points (N,2), and in

@@ -42,6 +42,7 @@ class SelfHeating(SheetEffect, AcquisitionEffect):
     order: ClassVar[int] = -1
     # What the best fit leaves of the proof's forms: 0.21 and 0.24 (experiments/concealed/proof/isolated_laws.json).
     form_error: ClassVar[float] = 0.2
+    form_error_at_rest: ClassVar[float] = 0.2
     hypothesis: ClassVar[Hypothesis] = Hypothesis(
         (Axis.SCAN_ORDER, Axis.TIME), (Signal.NONRECIPROCAL, Signal.READINGS, Signal.REST), (Need.MORE_READINGS,)
     )

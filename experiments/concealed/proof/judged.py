@@ -63,8 +63,11 @@ class Judged:
 
     @property
     def claims(self) -> list[dict[str, Any]]:
-        """Effects named, the surest first."""
-        return sorted(self.diagnosis.get("effects") or [], key=lambda one: -float(one["confidence"]))
+        """Effects named, the surest first; of fields judged where they are known by their names' confidence."""
+        said = self.diagnosis.get("effects") or []
+        if self.where_known:
+            said = [{**one, "confidence": one.get("name_confidence", one["confidence"])} for one in said]
+        return sorted(said, key=lambda one: -float(one["confidence"]))
 
     @property
     def likely(self) -> list[dict[str, Any]]:

@@ -1,4 +1,4 @@
-"""Samples side by side and together: ``python experiments/concealed/proof/track_record.py SAMPLE [SAMPLE ...] --out DIR``.
+"""Samples side by side and together: ``python experiments/concealed/proof/track_record.py SAMPLE ... --out DIR``.
 
 Every SAMPLE is a folder of results that ``score.py`` can judge; its seals are checked first. Each was diagnosed by the
 code of its own day: together they say how often an answer was right when it was given, not how good the last code is.

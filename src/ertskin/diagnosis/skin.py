@@ -29,6 +29,7 @@ from ertskin.diagnosis.rest.baseline import Baseline, calibrated
 from ertskin.diagnosis.search.foretold import that_foretells
 from ertskin.diagnosis.search.form_error import form_error
 from ertskin.diagnosis.search.selection import Selection, select
+from ertskin.diagnosis.search.trials import rms_of
 from ertskin.hardware.recording import Recording
 from ertskin.physics.conduction.mesh import MeshError
 from ertskin.physics.effects.effect import Effect
@@ -219,11 +220,10 @@ def _uncorrected(
     evidence: Evidence, baseline: Baseline, family: SkinFamily, fitted: Indices, selection: Selection
 ) -> Solved:
     """The simulator calibrated without any effect, forces from a linear pad: what the diagnosis is to improve on."""
-    if not selection.after.effects:
-        # Nothing is left of what was tried, but the calibration has come further on the way.
-        return selection.after
-    if not selection.before.effects:
-        return selection.before
+    alone = [solved for solved in (selection.before, selection.after) if not solved.effects]
+    if alone:
+        # Where nothing is left of what was tried the calibration may have come further on the way.
+        return min(alone, key=rms_of)
     skin = family.remeshed(_start(baseline), ())
     problem = _problem(evidence, baseline, family, skin, baseline.linear_force_n, fitted, _silent)
     if selection.specimen == "disagrees":

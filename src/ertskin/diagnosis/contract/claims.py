@@ -102,9 +102,10 @@ class Tried:
 
 @dataclass(frozen=True)
 class Claim:
-    """One named effect, ``confidence`` that of its name. ``ratio_alone``: rms over noise that it by itself would make,
-    held out.
+    """One named effect. ``ratio_alone``: rms over noise that it by itself would make, held out.
 
+    ``confidence`` is that of its name and, of a field that foretells presses, of a map that does;
+    ``name_confidence`` that of the name alone where it is another.
     ``rivals``: what else was fitted in its stead; ``reasons`` for the confidence, in the order in which they count.
     ``quantities`` mean the same in any form of the effect; ``field_map`` is of an effect that has a
     field. ``by_force``: force over depth alone has named it. ``misfits_by_place``: of the presses fitted, over noise,
@@ -124,6 +125,12 @@ class Claim:
     by_force: bool = False
     misfits_by_place: tuple[float, float] | None = None
     by_place: bool = False
+    name_confidence: float | None = None
+
+    @property
+    def named(self) -> float:
+        """How likely the name is right, wherever the field is high and low."""
+        return self.confidence if self.name_confidence is None else self.name_confidence
 
     @property
     def right_map(self) -> float | None:
@@ -140,7 +147,7 @@ class Claim:
     @property
     def how_sure(self) -> str:
         """The name's confidence for a reader, and that of name and map where it is another."""
-        named, both = f"{self.confidence:.2f}", f"{self.right:.2f}"
+        named, both = f"{self.named:.2f}", f"{self.right:.2f}"
         return named if named == both else f"{named}, with its map {both}"
 
     @property
@@ -166,17 +173,18 @@ class Claim:
         }
 
     def _reason_of_map(self) -> tuple[Reason, ...]:
-        if self.right_map is None:
+        if self.right_map is None or round(self.right, 3) == round(self.confidence, 3):
             return ()
-        why = "so likely its map follows the true field over all sensing points, those not told among them"
-        return (Reason("map", self.confidence, self.right, why),)
+        why = f"its map follows the true field over the whole sheet with a probability of {self.right_map:.2f}"
+        return (Reason("map_known", self.confidence, self.right, why),)
 
     def as_builtins(self) -> dict[str, Any]:
-        """As ``diagnosis.json`` wants it: ``confidence`` is of name and place, ``name_confidence`` of the name."""
+        """As ``diagnosis.json`` wants it: ``confidence`` is ``right``, that of name and place, and ``name_confidence``
+        that of the name."""
         return {
             "name": self.effect.name,
             "confidence": round(self.right, 3),
-            "name_confidence": round(self.confidence, 3),
+            "name_confidence": round(self.named, 3),
             "ratio_alone": round(self.ratio_alone, 4),
             "parameters": {key: e.as_builtins() for key, e in self.parameters.items()}
             | {

@@ -20,7 +20,7 @@ FAR = 0.25
 TURNS = 6
 NEARER = 0.7
 """Factor by which a turn must bring the linearised skin nearer to the skin to have been a good one."""
-BETTER = 0.99
+BETTER = 0.98
 """Part of the least misfit so far below which a turn that goes halfway must come for another to be worth it."""
 
 TINY = 1e-300

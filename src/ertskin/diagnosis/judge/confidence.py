@@ -87,7 +87,8 @@ def of_maps(claims: Sequence[Claim]) -> list[Claim]:
     """
     foretelling = [claim.effect.hypothesis.field and not claim.by_place for claim in claims]
     return [
-        replace(c, confidence=c.confidence**MAP_POWER) if f else c for c, f in zip(claims, foretelling, strict=True)
+        replace(c, confidence=c.confidence**MAP_POWER, name_confidence=c.confidence) if f else c
+        for c, f in zip(claims, foretelling, strict=True)
     ]
 
 

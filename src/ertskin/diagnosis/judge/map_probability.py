@@ -6,6 +6,8 @@ say little of the other 23.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.distance import cdist
@@ -22,33 +24,49 @@ SEED = 0
 JITTER = 1e-4
 """Part of the variance that a place has for itself: those a finger apart would make the covariance singular."""
 FEWEST = 3
-"""Places from which on they tell how far a field spreads."""
+"""Points from which on a correlation means something, and places from which on they tell how far a field spreads."""
 
 
-def right_as_fitted(found: Array, covariance: Array) -> float:
-    """Probability that a map (n,) is right of which the fit leaves this covariance (n,n)."""
+@dataclass(frozen=True, eq=False)
+class Places:
+    """Where something has pressed, ``point_m`` (K,2), the field's ``value`` (K,) there and its standard ``error``
+    (K,)."""
+
+    point_m: Array
+    value: Array
+    error: Array
+
+
+def right_as_fitted(found: Array, covariance: Array) -> float | None:
+    """Probability that a map (n,) is right of which the fit leaves this covariance (n,n); None of too few points."""
+    if len(found) < FEWEST:
+        return None
     return _share_followed(found, found + _drawn(covariance, DRAWN))
 
 
-def right_by_places(found: Array, point_m: Array, value: Array, place_m: Array, side_m: float) -> float:
-    """Probability that a map (n,) at points (n,2) is right of which only the values (K,) at places (K,2) are known.
+def right_by_places(found: Array, point_m: Array, places: Places, side_m: float) -> float | None:
+    """Probability that a map (n,) at points (n,2) is right of which only the values at ``places`` are known; None of
+    too few points.
 
     From them a Gaussian process tells the rest, Matern's of order 3/2 with a mean of its own (universal kriging), its
     variance the likeliest, its length one of those that smooth fields have over the sheet's longer ``side_m``, each as
     likely as it makes the values (restricted likelihood).
     """
-    if len(value) < FEWEST or np.ptp(value) == 0.0:
+    if len(found) < FEWEST:
+        return None
+    if len(places.value) < FEWEST or np.ptp(places.value) == 0.0:
         return 0.0
-    told = [_kriged(point_m, value, place_m, length * side_m) for length in LENGTHS]
+    told = [_kriged(point_m, places, length * side_m) for length in LENGTHS]
     weight = np.exp([likely - max(one[0] for one in told) for likely, _, _ in told])
     counts = np.rint(DRAWN * weight / weight.sum()).astype(int)
     fields = [mean + _drawn(rest, count) for (_, mean, rest), count in zip(told, counts, strict=True)]
     return _share_followed(found, np.concatenate(fields))
 
 
-def _kriged(point_m: Array, value: Array, place_m: Array, length_m: float) -> tuple[float, Array, Array]:
+def _kriged(point_m: Array, places: Places, length_m: float) -> tuple[float, Array, Array]:
     """Log likelihood of the values of one length, and mean (n,) and covariance (n,n) of the field at the points."""
-    among = _matern(place_m, place_m, length_m) + JITTER * np.eye(len(value))
+    value, place_m = places.value, places.point_m
+    among = _matern(place_m, place_m, length_m) + np.diag(JITTER + (places.error / value.std()) ** 2)
     towards = np.linalg.solve(among, _matern(place_m, point_m, length_m)).T
     one = np.linalg.solve(among, np.ones(len(value)))
     mean = one @ value / one.sum()

@@ -14,7 +14,7 @@ from ertskin.diagnosis.criteria import Criteria
 from ertskin.diagnosis.fit.joint_fit import Solved
 from ertskin.diagnosis.force.fit import ForceFit
 from ertskin.diagnosis.judge.confidence import explained, reasoned
-from ertskin.diagnosis.judge.map_probability import right_as_fitted, right_by_places
+from ertskin.diagnosis.judge.map_probability import Places, right_as_fitted, right_by_places
 from ertskin.diagnosis.judge.result import Findings
 from ertskin.diagnosis.judge.undetermined_field import known_at
 from ertskin.diagnosis.linear.calibration_vector import SkinFamily
@@ -97,6 +97,9 @@ def with_fields_of_all_presses(findings: Findings, family: SkinFamily) -> Findin
         fitted = replace(claim, effect=term.effect, parameters={})
         fitted = stated(fitted, standard, _spread(fitted, whole.after, None), evidence.sensor)
         known = _of_field(fitted, whole, standard)
+        if known.right_map is None and claim.right_map is not None:
+            # A form of few numbers says nothing of how well it is known.
+            return claim
         return replace(claim, quantities=known.quantities, field_map=known.field_map)
 
     claims = tuple(map(of_all, findings.diagnosis.claims))
@@ -132,9 +135,11 @@ def _of_field(claim: Claim, selection: Selection, standard: Standard) -> Claim:
         return replace(claim, field_map=field)
     place_m = pressed_places_m(selection.problem)
     value = logarithms(claim.effect, place_m, standard.extent_m)
+    known = known_at(selection.after, standard.extent_m, place_m).get(claim.effect.name)
+    places = Places(place_m, value, np.zeros(len(value)) if known is None else known.error)
     side_m = float(np.ptp(standard.extent_m, axis=0).max())
     quantities = claim.quantities | {"log_spread": spread_of(value)}
-    return replace(claim, field_map=where_pressed(field, place_m, value, side_m), quantities=quantities)
+    return replace(claim, field_map=where_pressed(field, places, side_m), quantities=quantities)
 
 
 def _as_known(field: FieldMap, name: str, solved: Solved, extent_m: Array) -> FieldMap:
@@ -143,18 +148,17 @@ def _as_known(field: FieldMap, name: str, solved: Solved, extent_m: Array) -> Fi
     known = known_at(solved, extent_m, field.point_m).get(name)
     if known is None:
         return replace(field, taxels=taxels)
-    inflation = max(1.0, float((solved.scan_residual**2).mean()))
-    right = right_as_fitted(field.value, inflation * known.covariance)
+    right = right_as_fitted(field.value, known.covariance)
     return replace(field, error=known.error, determined=known.determined, right=right, taxels=taxels)
 
 
-def where_pressed(field: FieldMap, place_m: Array, value: Array, side_m: float) -> FieldMap:
-    """The map, determined next to places (m,2) alone, where the field is ``value`` (m,), on a sheet of this longer
-    side: how sure a smooth field would be elsewhere says nothing."""
-    taxels = None if field.taxels is None else where_pressed(field.taxels, place_m, value, side_m)
-    apart_m = np.linalg.norm(field.point_m[:, None] - place_m, axis=-1).min(axis=1)
+def where_pressed(field: FieldMap, places: Places, side_m: float) -> FieldMap:
+    """The map, determined next to the places alone, on a sheet of this longer side: how sure a smooth field would be
+    elsewhere says nothing."""
+    taxels = None if field.taxels is None else where_pressed(field.taxels, places, side_m)
+    apart_m = np.linalg.norm(field.point_m[:, None] - places.point_m, axis=-1).min(axis=1)
     determined = apart_m <= NEXT_TO_M
-    right = right_by_places(field.value, field.point_m, value, place_m, side_m)
+    right = right_by_places(field.value, field.point_m, places, side_m)
     return replace(field, error=None, determined=determined, right=right, taxels=taxels)
 
 

@@ -17,6 +17,7 @@ from ertskin.physics.sensor import Sensor
 
 Array = NDArray[np.float64]
 
+TINY = 1e-12
 MOST_LEFT = 0.5
 """Part of the field's standard deviation beforehand that must be left at most where it is known."""
 
@@ -69,7 +70,8 @@ class Known:
 def known_at(solved: Solved, extent_m: Array, point_m: Array) -> dict[str, Known]:
     """By name, what a fit knows of each smooth field at points (N,2)."""
     found = {}
-    for number, covariance in _covariances(solved, extent_m):
+    inflation = max(1.0, float((solved.scan_residual**2).mean()))
+    for number, covariance in _covariances(solved, extent_m, inflation):
         design = field_design(node_shape(extent_m), point_m, extent_m)
         term = solved.terms[number]
         found[term.name] = Known(design @ covariance @ design.T, cast(Modes, term.modes).spread)
@@ -82,12 +84,20 @@ def determined_points(solved: Solved, sensor: Sensor) -> list[tuple[str, int, in
     return [(name, int(one.determined.sum()), len(one.determined)) for name, one in known.items()]
 
 
-def _covariances(solved: Solved, extent_m: Array) -> Iterator[tuple[int, Array]]:
-    """Terms with a smooth field, by their number, and what the fit leaves of the covariance (M,M) of its nodes."""
+def _covariances(solved: Solved, extent_m: Array, inflation: float = 1.0) -> Iterator[tuple[int, Array]]:
+    """Terms with a smooth field, by their number, and what the fit leaves of the covariance (M,M) of its nodes, where
+    the noise has ``inflation`` times its variance."""
     first = len(solved.fit.value) - sum(term.count for term in solved.terms)
     whole = solved.fit.covariance
     for number, term in enumerate(solved.terms):
         if term.modes is not None:
             where = slice(first + len(term.free), first + term.count)
-            yield number, node_covariance(term.modes, whole[where, where], extent_m)
+            yield number, node_covariance(term.modes, _inflated(whole[where, where], inflation), extent_m)
         first += term.count
+
+
+def _inflated(known: Array, inflation: float) -> Array:
+    """The covariance (K,K) of modes, each of unit variance beforehand, where readings tell so many times less."""
+    size, vector = np.linalg.eigh(known)
+    told = 1 / np.clip(size, TINY, 1.0) - 1
+    return np.asarray((vector / (told / inflation + 1)) @ vector.T)

@@ -76,7 +76,7 @@ def warmth_at_rest(
     if not explained:
         return nothing
     best, start = min(explained, key=lambda found: float(excess(change_v - found[0])[0]))
-    left, effect = excess(change_v - best), start.effect
+    left, effect = excess(change_v - best), cast(SheetEffect, start.effect)
     if (
         before[1] - left[1] < DISTINCT * max(1, len(set(start.free) - set(start.along)))
         or (left > np.maximum(UNEXPLAINED * before, chance)).any()
@@ -86,7 +86,7 @@ def warmth_at_rest(
         # The sheet alike makes nearly all of it, and a search finds that without the rest frames' help; but what one
         # pattern clearly explains of the little that is left isn't for contacts to share out.
         return RestWarmth(nothing.change_v, chance, effect.name, float(before[1] - left[1]))
-    doubt = float(((effect.form_error * uneven(best)) ** 2).sum()) / evidence.noise_v**2
+    doubt = float(((effect.form_error_at_rest * uneven(best)) ** 2).sum()) / evidence.noise_v**2
     return RestWarmth(best, doubt, effect.name, float(before[1] - left[1]))
 
 

@@ -261,13 +261,20 @@ class _Search:
         that explains all the rest: a pad out of place on a sheet that warms was one of a hundred modes.
         """
         for number in range(self.fixed, len(incumbent.solved.terms) - 1):
-            proposed = self._in_a_fields_place(incumbent, number)
-            if proposed is None:
-                continue
-            others, reached = self.pruned(self.grown(proposed))
-            if not reached.spoils(incumbent):
-                return others, reached
+            other = replace(self, stand=dict(self.stand), tried=list(self.tried))
+            proposed = other._in_a_fields_place(incumbent, number)
+            if proposed is not None:
+                others, reached = other.pruned(other.grown(proposed))
+                if not reached.spoils(incumbent):
+                    self._go_on_as(other)
+                    return others, reached
+            self.tried += [replace(one, kept=False) for one in other.tried[len(self.tried) :]]
         return chosen, incumbent
+
+    def _go_on_as(self, other: _Search) -> None:
+        """Take over what another search that began with this one has come to."""
+        self.build, self.fixed, self.disagrees = other.build, other.fixed, other.disagrees
+        self.stand, self.tried = other.stand, other.tried
 
     def _in_a_fields_place(self, incumbent: CheckedFit, number: int) -> CheckedFit | None:
         """The fit with the likeliest term in the place of the smooth field of this ``number``; None where that is the
@@ -286,8 +293,10 @@ class _Search:
         """What is left without terms that the others have made superfluous, where the skin is the linearised one."""
         chosen, current = _backward(incumbent.problem, incumbent.solved, self.fixed, self.partitions, self.stand)
         proposed = where_it_settles(self.build, incumbent.problem, current)
-        if proposed is None or proposed.problem is incumbent.problem:
+        if proposed is None:
             return chosen, replace(incumbent, solved=current)
+        if proposed.problem is incumbent.problem:
+            return chosen, proposed
         # What is left may fit as well elsewhere only because the skin was linearised far from there.
         chosen, current = _backward(proposed.problem, proposed.solved, self.fixed, self.partitions, self.stand)
         return chosen, replace(proposed, solved=current)

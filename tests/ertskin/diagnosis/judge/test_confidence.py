@@ -142,6 +142,8 @@ def test_fields_are_as_sure_as_fields_have_been_right() -> None:
         [replace(claim(effect, 2.0), confidence=0.8) for effect in (PiezoInhomogeneity(), PiezoHysteresis())]
     )
     assert field.confidence == pytest.approx(0.328, abs=1e-3)
+    assert (field.named, loop.named) == (0.8, 0.8)
+    assert field.as_builtins()["name_confidence"] == 0.8
     assert loop.confidence == 0.8
 
 

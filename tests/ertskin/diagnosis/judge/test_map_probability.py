@@ -8,18 +8,19 @@ from numpy.typing import NDArray
 from scipy.spatial.distance import cdist
 from scipy.stats import norm
 
-from ertskin.diagnosis.judge.map_probability import FOLLOWS, right_as_fitted, right_by_places
+from ertskin.diagnosis.judge.map_probability import FOLLOWS, Places, right_as_fitted, right_by_places
+from ertskin.diagnosis.judge.undetermined_field import _inflated
 
-RNG = np.random.default_rng(3)
-FIELD = RNG.standard_normal(40)
+FIELD = np.random.default_rng(3).standard_normal(40)
 SIDE_M = 0.12
 POINT_M = SIDE_M / 6 * (0.5 + np.stack(np.meshgrid(range(6), range(6)), axis=-1).reshape(-1, 2))
 
 
 def test_it_is_the_share_of_fields_that_the_map_follows() -> None:
-    root = 0.4 * RNG.standard_normal((40, 6))
-    drawn = FIELD + RNG.standard_normal((20000, 6)) @ root.T
-    share = np.mean([np.corrcoef(FIELD, one)[0, 1] >= FOLLOWS for one in drawn])
+    rng = np.random.default_rng(4)
+    root = 0.4 * rng.standard_normal((40, 6))
+    fields = FIELD + rng.standard_normal((20000, 6)) @ root.T
+    share = np.mean([np.corrcoef(FIELD, one)[0, 1] >= FOLLOWS for one in fields])
     assert 0.05 < share < 0.95
     assert right_as_fitted(FIELD, root @ root.T) == pytest.approx(share, abs=0.03)
 
@@ -41,10 +42,19 @@ def test_a_map_known_everywhere_is_right_and_an_even_one_never() -> None:
     assert right_as_fitted(np.full(40, 0.3), np.eye(40)) == 0.0
 
 
-def drawn(length_m: float, count: int) -> NDArray[np.float64]:
+def drawn(length_m: float, count: int, seed: int = 0) -> NDArray[np.float64]:
     """(count,36) fields that spread so far."""
     apart = np.sqrt(3) * cdist(POINT_M, POINT_M) / length_m
-    return RNG.multivariate_normal(np.zeros(36), (1 + apart) * np.exp(-apart), count, method="eigh")
+    covariance = (1 + apart) * np.exp(-apart)
+    return np.random.default_rng(seed).multivariate_normal(np.zeros(36), covariance, count, method="eigh")
+
+
+def told(found: NDArray[np.float64], field: NDArray[np.float64], known: NDArray[np.bool_], error: float = 0.0) -> float:
+    """The probability of a map where a field is known at some of the points."""
+    places = Places(POINT_M[known], field[known], np.full(known.sum(), error))
+    right = right_by_places(found, POINT_M, places, SIDE_M)
+    assert right is not None
+    return right
 
 
 def test_what_has_no_order_is_known_where_most_places_are() -> None:
@@ -52,34 +62,50 @@ def test_what_has_no_order_is_known_where_most_places_are() -> None:
     chances = []
     for count in (2, 9, 24, 35):
         known = np.arange(36) < count
-        found = np.where(known, lots, lots[known].mean())
-        chances.append(right_by_places(found, POINT_M, lots[known], POINT_M[known], SIDE_M))
+        chances.append(told(np.where(known, lots, lots[known].mean()), lots, known))
     assert chances[0] == 0.0
     assert chances[1] < 0.1
-    assert chances[2] == pytest.approx(0.5, abs=0.45)
+    assert chances[1] < chances[2] < chances[3]
     assert chances[3] > 0.98
 
 
 def test_of_broad_hills_fewer_places_are_enough() -> None:
-    hills, known = drawn(0.5 * SIDE_M, 1)[0], np.arange(36) % 2 == 0
-    mixed = RNG.permutation(hills)
-    told, unordered = (right_by_places(one, POINT_M, one[known], POINT_M[known], SIDE_M) for one in (hills, mixed))
-    assert told > 0.5
-    assert unordered < 0.2
+    known, rng = np.arange(36) % 2 == 0, np.random.default_rng(1)
+    hills = drawn(0.5 * SIDE_M, 20)
+    ordered = np.mean([told(one, one, known) for one in hills])
+    unordered = np.mean([told(one, one, known) for one in map(rng.permutation, hills)])
+    assert ordered > unordered + 0.4
+
+
+def test_values_that_err_make_no_sure_map() -> None:
+    field, known = drawn(0.25 * SIDE_M, 1)[0], np.ones(36, bool)
+    assert told(field, field, known) > 0.99
+    assert told(field, field, known, error=float(field.std())) < 0.5
 
 
 def test_probabilities_are_as_often_right_as_they_say() -> None:
-    right, stated = [], []
+    right, stated, rng = [], [], np.random.default_rng(2)
     for length_m in SIDE_M * np.array([0.1, 0.25, 0.5]):
-        for field in drawn(length_m, 60):
-            known = RNG.permutation(36) < 20
-            near = cdist(POINT_M, POINT_M[known]).argmin(axis=1)
-            found = field[known][near]
-            stated.append(right_by_places(found, POINT_M, field[known], POINT_M[known], SIDE_M))
+        for field in drawn(length_m, 60, seed=3):
+            known = np.isin(np.arange(36), rng.permutation(36)[:20])
+            found = field[known][cdist(POINT_M, POINT_M[known]).argmin(axis=1)]
+            stated.append(told(found, field, known))
             right.append(np.corrcoef(found, field)[0, 1] >= FOLLOWS)
     assert np.mean(stated) == pytest.approx(np.mean(right), abs=0.08)
     assert np.mean(np.array(right)[np.array(stated) > 0.7]) > 0.7
 
 
+def test_of_too_few_points_nothing_is_said() -> None:
+    assert right_as_fitted(FIELD[:2], np.eye(2)) is None
+    assert right_by_places(FIELD[:2], POINT_M[:2], Places(POINT_M, FIELD[:36], np.zeros(36)), SIDE_M) is None
+
+
 def test_the_same_map_has_the_same_probability() -> None:
     assert right_as_fitted(FIELD, 0.5 * np.eye(40)) == right_as_fitted(FIELD, 0.5 * np.eye(40))
+
+
+def test_more_noise_leaves_what_nothing_tells_as_it_was() -> None:
+    # Two modes: of one readings tell much, of the other nothing.
+    whole = _inflated(np.diag([0.1, 1.0]), 4.0)
+    assert np.diag(whole) == pytest.approx([1 / (9 / 4 + 1), 1.0])
+    assert _inflated(np.diag([0.1, 1.0]), 1.0) == pytest.approx(np.diag([0.1, 1.0]))

@@ -8,6 +8,7 @@ import pytest
 
 from ertskin.diagnosis.contract.claims import QUANTILE, Claim, Estimate
 from ertskin.diagnosis.criteria import DEFAULT
+from ertskin.diagnosis.judge.map_probability import Places
 from ertskin.diagnosis.judge.quantities import (
     Spread,
     as_sure_as_all,
@@ -114,7 +115,7 @@ def test_a_map_states_the_sensing_points_too() -> None:
 def test_what_is_told_by_places_is_determined_next_to_them_alone() -> None:
     field = field_map(PiezoInhomogeneity(amplitude=0.5, x_m=0.04, y_m=0.06, radius_m=0.02), SENSOR)
     assert field is not None
-    found = where_pressed(field, SENSOR.taxel_m[[3, 7]] + 1e-3, np.array([0.1, 0.4]), 0.1)
+    found = where_pressed(field, Places(SENSOR.taxel_m[[3, 7]] + 1e-3, np.array([0.1, 0.4]), np.zeros(2)), 0.1)
     assert found.taxels is not None
     assert np.flatnonzero(found.taxels.determined).tolist() == [3, 7]
     assert found.determined is not None
@@ -141,13 +142,13 @@ def test_a_name_told_at_few_places_is_surer_than_its_map() -> None:
     field = field_map(effect, SENSOR)
     assert field is not None
     assert Claim(effect, 0.9, 2.0, {}, field_map=field).as_builtins()["confidence"] == 0.9
-    at = [0, 3, 7, 9]
-    known = where_pressed(field, SENSOR.taxel_m[at], np.array([0.1, -0.2, 0.3, -0.1]), 0.1)
+    places = Places(SENSOR.taxel_m[[0, 3, 7, 9]], np.array([0.1, -0.2, 0.3, -0.1]), np.zeros(4))
+    known = where_pressed(field, places, 0.1)
     claim = Claim(effect, 0.9, 2.0, {}, field_map=known, by_place=True)
     written = claim.as_builtins()
     assert written["name_confidence"] == 0.9
     assert written["confidence"] < 0.1
     assert written["map"]["taxels"]["right"] == pytest.approx(written["confidence"] / 0.9, abs=1e-2)
     last = written["reasons"][-1]
-    assert (last["rule"], last["before"], last["after"]) == ("map", 0.9, written["confidence"])
+    assert (last["rule"], last["before"], last["after"]) == ("map_known", 0.9, written["confidence"])
     assert claim.how_sure == f"0.90, with its map {claim.right:.2f}"

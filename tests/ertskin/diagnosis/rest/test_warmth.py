@@ -57,8 +57,8 @@ def test_it_takes_what_warmth_did_and_leaves_the_noise(skin: Skin) -> None:
     assert np.sqrt((left**2).mean()) == pytest.approx(NOISE_V, rel=0.1)
     level = whole / np.linalg.norm(whole)
     uneven = warmth - np.outer(warmth @ level, level)
-    assert doubt == pytest.approx(SelfHeating.form_error**2 * (uneven**2).sum() / NOISE_V**2)
-    assert doubt < 0.1 * SelfHeating.form_error**2 * (warmth**2).sum() / NOISE_V**2
+    assert doubt == pytest.approx(SelfHeating.form_error_at_rest**2 * (uneven**2).sum() / NOISE_V**2)
+    assert doubt < 0.1 * SelfHeating.form_error_at_rest**2 * (warmth**2).sum() / NOISE_V**2
 
 
 def test_a_room_warmer_on_one_side_is_no_contacts(skin: Skin) -> None:

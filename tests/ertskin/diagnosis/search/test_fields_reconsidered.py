@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+from ertskin.diagnosis.contract.claims import Tried
 from ertskin.diagnosis.criteria import DEFAULT
 from ertskin.diagnosis.fit.full_solution_check import CheckedFit
 from ertskin.diagnosis.search import selection
@@ -78,3 +79,26 @@ def test_the_last_to_enter_and_what_is_no_field_are_not_asked(
 
 def test_fixed_terms_stay(monkeypatch: pytest.MonkeyPatch) -> None:
     assert reconsidered(fit_of(FIELD, DRIFT, LOOP), PAD, monkeypatch, fixed=1) == (["drift", "loop"], [])
+
+
+@pytest.mark.parametrize("misfit", [1.0, 1.2])
+def test_a_search_that_comes_to_nothing_changes_nothing(misfit: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    def one_more(search: selection._Search, without: CheckedFit) -> CheckedFit:
+        search.tried.append(Tried(("drift", "pad"), 9.0, True))
+        search.stand["pad:"] = ()
+        return replace(fit_of(*without.solved.terms, PAD), misfit=misfit)
+
+    def grown(search: selection._Search, fit: CheckedFit) -> CheckedFit:
+        search.disagrees, search.build, search.fixed = True, fit_of, 0
+        return fit
+
+    monkeypatch.setattr(selection, "where_it_settles", lambda build, problem, solved: fit_of(*solved.terms))
+    monkeypatch.setattr(selection._Search, "one_more", one_more)
+    monkeypatch.setattr(selection._Search, "grown", grown)
+    monkeypatch.setattr(selection._Search, "pruned", lambda search, fit: ((), fit))
+    search = selection._Search(None, [], lambda share, text: None, 1, {})  # type: ignore[arg-type]
+    search.fields_reconsidered((), fit_of(LOOP, FIELD, DRIFT))
+    taken = misfit == 1.0
+    assert (search.disagrees, search.build, search.fixed) == ((True, fit_of, 0) if taken else (False, None, 1))
+    assert ("pad:" in search.stand) == taken
+    assert [one.kept for one in search.tried] == [taken]
