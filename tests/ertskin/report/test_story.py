@@ -15,6 +15,7 @@ from ertskin.errors import UserError
 from ertskin.evaluation.evaluate import Story
 from ertskin.report.figures.before_and_after import LEAST, before_and_after
 from ertskin.report.sections.change import change
+from ertskin.report.sections.lacking import _how_sure
 from ertskin.report.sections.opened import opened
 
 HIDDEN = {"piezo_hysteresis": {"width": 0.12, "decay_pa": 2.5e3}}
@@ -59,3 +60,16 @@ def test_a_diagnosis_is_read_from_its_folder(tmp_path: Path):
     (tmp_path / "diagnosis.json").write_text(json.dumps({"effects": []}))
     config = types.SimpleNamespace(diagnosis=str(tmp_path), sealed=None)
     assert Story.of(config) == Story(tmp_path, None)
+
+
+@pytest.mark.parametrize(
+    ("effect", "said"),
+    [
+        ({"confidence": 0.014, "name_confidence": 0.99}, "0.99, with its map 0.01"),
+        ({"confidence": 0.99, "name_confidence": 0.99}, "0.99"),
+        ({"confidence": 0.87}, "0.87"),
+    ],
+    ids=["map unknown", "map known", "as written before"],
+)
+def test_a_field_is_as_sure_as_its_name_and_as_its_map(effect: dict[str, float], said: str):
+    assert _how_sure(effect) == said
