@@ -186,6 +186,23 @@ def test_a_moving_press_is_no_spike_on_a_converter_that_bends_either(protocol: P
     assert np.array_equal(left_out[~rest], fitted[~rest] >= from_v)
 
 
+def test_what_a_press_takes_to_between_limit_and_rest_stays_left_out() -> None:
+    # At rest nothing lies between the limit and the readings beyond it; pressed, they come down into the gap.
+    protocol, rng = Protocol.against_sink(electrode_pairs(16), 16, 1e-4), np.random.default_rng(6)
+    pairs = 3e4 * (1 + rng.random(protocol.electrodes * (protocol.electrodes - 1) // 2))
+    pairs[[40, 70]] = 1.5 * pairs.max()
+    rest = np.arange(FRAMES) < 5
+    clean = protocol.readings(pairs[None]) * np.where(rest, 1.0, 0.97)[:, None, None]
+    limit = 0.9 * float(clean.max())
+    voltage = np.minimum(clean, limit) + NOISE_V * rng.standard_normal(clean.shape)
+    scan, spike, bent = _scans(protocol, voltage, rest, saturated=False)
+    assert bent
+    assert (clean > limit)[~rest].any()
+    assert spike[clean > limit].all()
+    fitted = (scan @ protocol.orthonormal.T).reshape(clean.shape)
+    assert np.abs(fitted - clean)[~rest].max() < 10 * NOISE_V
+
+
 def test_a_channel_of_low_gain_is_no_bent_converter(protocol: Protocol) -> None:
     voltage = readings(protocol, 7)
     largest = int(voltage.max(axis=(0, 1)).argsort()[-2])
