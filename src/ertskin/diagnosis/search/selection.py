@@ -35,7 +35,7 @@ from ertskin.diagnosis.search.trials import (
 from ertskin.diagnosis.specimen.agreement import remembers_alike
 from ertskin.physics.conduction.mesh import MeshError
 from ertskin.physics.effects.effect import ElectrodeEffect, shown_by
-from ertskin.physics.effects.hypothesis import Measured, Signal
+from ertskin.physics.effects.hypothesis import Axis, Measured, Signal
 from ertskin.physics.effects.piezo_chain import in_fabric
 
 Array = NDArray[np.float64]
@@ -119,6 +119,8 @@ def select(
         # A form is freed about the fit itself: further off it would mend what linearising leaves.
         incumbent = refined(build, incumbent, partitions)
     search = _Search(build, partitions, report, len(fixed), {_key(term): rivals for term, rivals in begun})
+    if not begun and (remembering := search.remembering(incumbent, start)) is not None:
+        incumbent, fixed = remembering, [term for term in fixed if not _path_of_contact(term)]
     chosen, incumbent = search.fields_reconsidered(*search.pruned(search.grown(incumbent)))
     specimen = None if incumbent.problem.specimen is None else "agrees"
     if search.disagrees or search.specimen_differs(incumbent):
@@ -167,6 +169,25 @@ class _Search:
             incumbent = self._without_drifts(self._where_readings_remember(proposed))
             self.report(0.25 + 0.1 * turn, f"{incumbent.solved.terms[-1].name} enters")
         return incumbent
+
+    def remembering(self, incumbent: CheckedFit, start: Calibration) -> CheckedFit | None:
+        """With what places keep of presses in the stead of contacts that wander, where it explains rest as well.
+
+        What a press leaves behind changes every reading near it, and contacts found at rest, before any press is looked
+        at, share that out; beside them a memory gains less than it explains.
+        """
+        still = [term for term in incumbent.solved.terms if not _path_of_contact(term)]
+        if len(still) == len(incumbent.solved.terms):
+            return None
+        other = replace(self, fixed=len(still), stand=dict(self.stand), tried=list(self.tried))
+        proposed = other.one_more(_calibrated(self.build, still, start))
+        if proposed is not None and Axis.HISTORY in proposed.solved.terms[-1].effect.hypothesis.axes:
+            proposed = other._where_readings_remember(proposed)
+            if _at_rest(proposed) <= incumbent.problem.evidence.criteria.chance_ratio * _at_rest(incumbent):
+                self._go_on_as(other)
+                return proposed
+        self.tried += [replace(one, kept=False) for one in other.tried[len(self.tried) :]]
+        return None
 
     def specimen_differs(self, incumbent: CheckedFit) -> bool:
         """Whether the skin remembers otherwise than the specimen: two pieces of fabric, each with its own law."""

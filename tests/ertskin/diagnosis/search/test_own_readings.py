@@ -1,4 +1,4 @@
-"""A specimen that shows nothing of what the skin remembers is another piece of fabric."""
+"""A specimen without the skin's memory is another fabric; contacts that seem to wander may be what places keep."""
 
 from __future__ import annotations
 
@@ -6,11 +6,14 @@ from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 
+from ertskin.diagnosis.contract.claims import Tried
 from ertskin.diagnosis.criteria import DEFAULT
 from ertskin.diagnosis.fit.full_solution_check import CheckedFit
 from ertskin.diagnosis.search import selection
+from ertskin.physics.effects.hypothesis import Axis, Measured
 from ertskin.physics.effects.piezo_hysteresis import PiezoHysteresis
 
 LOOP = PiezoHysteresis(width=0.1)
@@ -56,3 +59,52 @@ def test_a_specimen_that_differs_in_the_end_has_no_say_in_what_is_named(monkeypa
     assert found.specimen == "disagrees"
     assert found.chosen == ()
     assert found.before is apart.solved
+
+
+WANDERS, CREEP, HILL = (
+    SimpleNamespace(effect=SimpleNamespace(hypothesis=SimpleNamespace(measured=measured, axes=axes)), name=name)
+    for name, measured, axes in (
+        ("wanders", Measured.CONTACT_PATH, (Axis.TIME,)),
+        ("creep", None, (Axis.HISTORY, Axis.TIME)),
+        ("hill", None, (Axis.PLACE,)),
+    )
+)
+
+
+def fit_of(terms: tuple[Any, ...], at_rest: float) -> CheckedFit:
+    """A fit with these terms whose frames at rest are off by so much."""
+    rows = np.ones(4, bool)
+    evidence = SimpleNamespace(criteria=DEFAULT, rest=rows)
+    problem: Any = SimpleNamespace(specimen=None, evidence=evidence, weight=np.ones(4))
+    solved: Any = SimpleNamespace(effects=(), terms=terms, scan_residual=np.full((4, 3), at_rest))
+    return CheckedFit(problem, solved, 1.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("terms", "entered", "at_rest", "taken"),
+    [
+        ((WANDERS, WANDERS), CREEP, 1.0, True),
+        ((WANDERS, WANDERS), CREEP, 1.1, False),
+        ((WANDERS, WANDERS), HILL, 1.0, False),
+        ((WANDERS, WANDERS), None, 1.0, False),
+        ((), CREEP, 1.0, False),
+    ],
+    ids=["explains rest as well", "leaves some", "no memory", "nothing", "no contact wanders"],
+)
+def test_what_places_keep_takes_the_stead_of_contacts_that_wander(
+    terms: tuple[Any, ...], entered: Any, at_rest: float, taken: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    proposed = None if entered is None else fit_of((entered,), at_rest)
+
+    def one_more(search: selection._Search, without: CheckedFit) -> CheckedFit | None:
+        assert not without.solved.terms
+        search.tried.append(Tried(("creep",), 9.0, True))
+        return proposed
+
+    monkeypatch.setattr(selection._Search, "one_more", one_more)
+    monkeypatch.setattr(selection, "_calibrated", lambda build, fixed, start: fit_of(tuple(fixed), 3.0))
+    search = selection._Search(None, [], lambda share, text: None, len(terms), {})  # type: ignore[arg-type]
+    found = search.remembering(fit_of(terms, 1.0), None)  # type: ignore[arg-type]
+    assert (found is not None) == taken
+    assert search.fixed == (0 if taken else len(terms))
+    assert [one.kept for one in search.tried] == ([taken] if terms else [])
