@@ -245,6 +245,8 @@ def test_a_discrepancy_names_nothing_and_says_what_it_predicts(monkeypatch: pyte
 def test_a_rival_s_confidence_is_its_own() -> None:
     claim = Claim(TILTED, 0.2, 1.3, {})
     assert _as_chosen(claim, SimpleNamespace(confidence=0.8)).confidence == 0.8  # type: ignore[arg-type]
+    field = Claim(TILTED, 0.2, 1.3, {}, name_confidence=0.7)
+    assert _as_chosen(field, SimpleNamespace(confidence=0.8)).named == 0.8  # type: ignore[arg-type]
     assert _as_chosen(claim, SimpleNamespace(confidence=None)) is claim  # type: ignore[arg-type]
 
 

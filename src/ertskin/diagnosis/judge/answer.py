@@ -274,7 +274,7 @@ def _as_chosen(claim: Claim, chosen: Chosen) -> Claim:
     """The claim with the confidence of the way it was chosen, where that has its own."""
     if chosen.confidence is None:
         return claim
-    return replace(claim, confidence=chosen.confidence, reasons=())
+    return replace(claim, confidence=chosen.confidence, name_confidence=None, reasons=())
 
 
 def _stage(case: Case, claims: list[Claim], verdict: str, jitters: bool) -> str | None:

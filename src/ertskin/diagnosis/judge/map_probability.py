@@ -97,4 +97,4 @@ def _share_followed(found: Array, fields: Array) -> float:
         return 0.0
     centred, true = found - found.mean(), fields - fields.mean(axis=1, keepdims=True)
     norm = np.linalg.norm(centred) * np.linalg.norm(true, axis=1)
-    return float(np.mean(true @ centred >= FOLLOWS * norm))
+    return float(np.mean((norm > 0) & (true @ centred >= FOLLOWS * norm)))

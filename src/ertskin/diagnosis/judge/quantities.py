@@ -79,9 +79,10 @@ def with_quantities(findings: Findings, family: SkinFamily) -> Findings:
 def with_fields_of_all_presses(findings: Findings, family: SkinFamily) -> Findings:
     """The answer with maps and quantities of fields from the fit to all presses, where there is one that holds them.
 
-    Names and how sure they are stay as judged by presses held out; a map of more presses is the better map. What is
-    told place by place, which predicts none, is no surer than all presses make it: of a cut that opens the few fitted
-    were explained whole, a third of all (c031 of `seventh48`).
+    Names and how sure they are stay as judged by presses held out; a map of more presses is the better map, unless it
+    is of a form of few numbers in place of a smooth one. What is told place by place, which predicts none, is no surer
+    than all presses make it: of a cut that opens the few fitted were explained whole, a third of all (c031 of
+    `seventh48`).
     """
     evidence, baseline, whole = findings.evidence, findings.baseline, findings.whole
     if evidence is None or baseline is None or whole is None:

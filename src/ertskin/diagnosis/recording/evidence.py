@@ -226,7 +226,7 @@ def _scans(
     straight: Array | None = voltage
     if bent or saturated:
         bent_v = _bent_from(fitted[rest][:, protocol.taken], spike[rest][:, protocol.taken])
-        if bent:
+        if bent and np.isfinite(bent_v):
             # Under a press a reading may lie between those that bend at rest and where they bend to.
             bent_v = min(bent_v, _bent_level_v(voltage, fitted, spike))
         straight = np.where(fitted < bent_v, voltage, np.nan) if np.isfinite(bent_v) else None

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,7 +36,7 @@ from ertskin.diagnosis.search.trials import (
 from ertskin.diagnosis.specimen.agreement import remembers_alike
 from ertskin.physics.conduction.mesh import MeshError
 from ertskin.physics.effects.effect import ElectrodeEffect, shown_by
-from ertskin.physics.effects.hypothesis import Axis, Measured, Signal
+from ertskin.physics.effects.hypothesis import Measured, Signal
 from ertskin.physics.effects.piezo_chain import in_fabric
 
 Array = NDArray[np.float64]
@@ -109,6 +110,22 @@ def select(
     ``build`` linearises about a fit (or about the start); ``fixed`` terms (the force stage's) belong to every model;
     ``begun`` are terms that another signal has shown, with their rivals there: they must hold their own here.
     """
+    found = _selected(build, fixed, begun, start, partitions, report, memory_first=True)
+    return found or cast(Selection, _selected(build, fixed, begun, start, partitions, report, memory_first=False))
+
+
+def _selected(
+    build: Problem,
+    fixed: Sequence[Term],
+    begun: Sequence[tuple[Term, Rivals]],
+    start: Calibration,
+    partitions: Sequence[Sequence[int]],
+    report: Report,
+    *,
+    memory_first: bool,
+) -> Selection | None:
+    """What ``select`` finds; with ``memory_first`` contacts that wander give way to what places keep, and None where
+    nothing that places keep is left in the end."""
     report(0.15, "fitting the calibration")
     incumbent = _calibrated(build, fixed, start)
     before = incumbent.solved
@@ -119,9 +136,12 @@ def select(
         # A form is freed about the fit itself: further off it would mend what linearising leaves.
         incumbent = refined(build, incumbent, partitions)
     search = _Search(build, partitions, report, len(fixed), {_key(term): rivals for term, rivals in begun})
-    if not begun and (remembering := search.remembering(incumbent, start)) is not None:
+    remembering = search.remembering(incumbent, start) if memory_first and not begun else None
+    if remembering is not None:
         incumbent, fixed = remembering, [term for term in fixed if not _path_of_contact(term)]
     chosen, incumbent = search.fields_reconsidered(*search.pruned(search.grown(incumbent)))
+    if remembering is not None and not _remembers_air(incumbent.solved):
+        return None
     specimen = None if incumbent.problem.specimen is None else "agrees"
     if search.disagrees or search.specimen_differs(incumbent):
         if not search.disagrees:
@@ -181,9 +201,9 @@ class _Search:
             return None
         other = replace(self, fixed=len(still), stand=dict(self.stand), tried=list(self.tried))
         proposed = other.one_more(_calibrated(self.build, still, start))
-        if proposed is not None and Axis.HISTORY in proposed.solved.terms[-1].effect.hypothesis.axes:
+        if proposed is not None and _remembers_air(proposed.solved):
             proposed = other._where_readings_remember(proposed)
-            if _at_rest(proposed) <= incumbent.problem.evidence.criteria.chance_ratio * _at_rest(incumbent):
+            if _explains_rest_alone(other.build, proposed, incumbent.solved.terms):
                 self._go_on_as(other)
                 return proposed
         self.tried += [replace(one, kept=False) for one in other.tried[len(self.tried) :]]
@@ -398,15 +418,28 @@ def _begun(build: Problem, without: CheckedFit, terms: Sequence[Term]) -> Checke
 
 def _without_drifts(build: Problem, incumbent: CheckedFit, fixed: Sequence[Term]) -> tuple[CheckedFit, Sequence[Term]]:
     """The fit and its fixed terms without contacts that wander, where places that creep explain as much at rest."""
-    creeps = any(getattr(part, "remembers_air", False) for part in in_fabric(incumbent.solved.effects))
     still = [term for term in incumbent.solved.terms if not _path_of_contact(term)]
-    if not creeps or len(still) == len(incumbent.solved.terms):
+    if not _remembers_air(incumbent.solved) or len(still) == len(incumbent.solved.terms):
         return incumbent, fixed
     proposed = where_it_settles(build, None, incumbent.problem.solve(still, incumbent.solved.calibration))
     chance = incumbent.problem.evidence.criteria.chance_ratio
     if proposed is None or proposed.spoils(incumbent) or _at_rest(proposed) > chance * _at_rest(incumbent):
         return incumbent, fixed
     return proposed, [term for term in fixed if not _path_of_contact(term)]
+
+
+def _explains_rest_alone(build: Problem, fit: CheckedFit, contacts: Sequence[Term]) -> bool:
+    """Whether a fit with a memory, its last term, is as good as one with contacts that wander as well, at rest too."""
+    problem, solved = fit.problem, fit.solved
+    begun = problem.solve([*contacts, solved.terms[-1]], solved.calibration, leftover=solved.leftover)
+    both = where_it_settles(build, problem, begun)
+    chance = problem.evidence.criteria.chance_ratio
+    return both is None or not (fit.spoils(both) or _at_rest(fit) > chance * _at_rest(both))
+
+
+def _remembers_air(solved: Solved) -> bool:
+    """Whether something of a fit shows where nothing presses any longer."""
+    return any(getattr(part, "remembers_air", False) for part in in_fabric(solved.effects))
 
 
 def _path_of_contact(term: Term) -> bool:

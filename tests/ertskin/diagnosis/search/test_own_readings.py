@@ -13,7 +13,7 @@ from ertskin.diagnosis.contract.claims import Tried
 from ertskin.diagnosis.criteria import DEFAULT
 from ertskin.diagnosis.fit.full_solution_check import CheckedFit
 from ertskin.diagnosis.search import selection
-from ertskin.physics.effects.hypothesis import Axis, Measured
+from ertskin.physics.effects.hypothesis import Measured
 from ertskin.physics.effects.piezo_hysteresis import PiezoHysteresis
 
 LOOP = PiezoHysteresis(width=0.1)
@@ -61,50 +61,86 @@ def test_a_specimen_that_differs_in_the_end_has_no_say_in_what_is_named(monkeypa
     assert found.before is apart.solved
 
 
-WANDERS, CREEP, HILL = (
-    SimpleNamespace(effect=SimpleNamespace(hypothesis=SimpleNamespace(measured=measured, axes=axes)), name=name)
-    for name, measured, axes in (
-        ("wanders", Measured.CONTACT_PATH, (Axis.TIME,)),
-        ("creep", None, (Axis.HISTORY, Axis.TIME)),
-        ("hill", None, (Axis.PLACE,)),
-    )
-)
+def named(measured: Measured | None, remembers_air: bool) -> Any:
+    """A term as far as the search asks for it."""
+    hypothesis = SimpleNamespace(measured=measured)
+    return SimpleNamespace(name="it", effect=SimpleNamespace(hypothesis=hypothesis, remembers_air=remembers_air))
+
+
+WANDERS, CREEP, LOOP_ALONE = named(Measured.CONTACT_PATH, False), named(None, True), named(None, False)
 
 
 def fit_of(terms: tuple[Any, ...], at_rest: float) -> CheckedFit:
     """A fit with these terms whose frames at rest are off by so much."""
-    rows = np.ones(4, bool)
-    evidence = SimpleNamespace(criteria=DEFAULT, rest=rows)
-    problem: Any = SimpleNamespace(specimen=None, evidence=evidence, weight=np.ones(4))
-    solved: Any = SimpleNamespace(effects=(), terms=terms, scan_residual=np.full((4, 3), at_rest))
+    evidence = SimpleNamespace(criteria=DEFAULT, rest=np.ones(4, bool))
+    problem: Any = SimpleNamespace(
+        specimen=None,
+        evidence=evidence,
+        weight=np.ones(4),
+        solve=lambda terms, calibration, leftover: fit_of(tuple(terms), at_rest).solved,
+    )
+    solved: Any = SimpleNamespace(
+        effects=tuple(term.effect for term in terms),
+        terms=terms,
+        calibration=None,
+        leftover=False,
+        scan_residual=np.full((4, 3), at_rest),
+    )
     return CheckedFit(problem, solved, 1.0, 0.0)
 
 
 @pytest.mark.parametrize(
-    ("terms", "entered", "at_rest", "taken"),
+    ("contacts", "entered", "alone", "both", "taken"),
     [
-        ((WANDERS, WANDERS), CREEP, 1.0, True),
-        ((WANDERS, WANDERS), CREEP, 1.1, False),
-        ((WANDERS, WANDERS), HILL, 1.0, False),
-        ((WANDERS, WANDERS), None, 1.0, False),
-        ((), CREEP, 1.0, False),
+        (2, CREEP, 1.0, 1.0, True),
+        (2, CREEP, 2.0, 1.0, False),
+        (2, LOOP_ALONE, 1.0, 1.0, False),
+        (2, None, 1.0, 1.0, False),
+        (0, CREEP, 1.0, 1.0, False),
     ],
-    ids=["explains rest as well", "leaves some", "no memory", "nothing", "no contact wanders"],
+    ids=["explains rest alone", "both are needed", "nothing stays", "nothing enters", "no contact wanders"],
 )
 def test_what_places_keep_takes_the_stead_of_contacts_that_wander(
-    terms: tuple[Any, ...], entered: Any, at_rest: float, taken: bool, monkeypatch: pytest.MonkeyPatch
+    contacts: int, entered: Any, alone: float, both: float, taken: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    proposed = None if entered is None else fit_of((entered,), at_rest)
-
     def one_more(search: selection._Search, without: CheckedFit) -> CheckedFit | None:
         assert not without.solved.terms
-        search.tried.append(Tried(("creep",), 9.0, True))
-        return proposed
+        search.tried.append(Tried(("it",), 9.0, True))
+        return None if entered is None else fit_of((entered,), alone)
+
+    def where_it_settles(build: object, problem: object, solved: Any) -> CheckedFit:
+        assert [term is WANDERS for term in solved.terms] == [True] * contacts + [False]
+        return fit_of(tuple(solved.terms), both)
 
     monkeypatch.setattr(selection._Search, "one_more", one_more)
+    monkeypatch.setattr(selection, "where_it_settles", where_it_settles)
+    monkeypatch.setattr(selection, "in_fabric", lambda effects: effects)
     monkeypatch.setattr(selection, "_calibrated", lambda build, fixed, start: fit_of(tuple(fixed), 3.0))
-    search = selection._Search(None, [], lambda share, text: None, len(terms), {})  # type: ignore[arg-type]
-    found = search.remembering(fit_of(terms, 1.0), None)  # type: ignore[arg-type]
+    search = selection._Search(None, [], lambda share, text: None, contacts, {})  # type: ignore[arg-type]
+    found = search.remembering(fit_of((WANDERS,) * contacts, 2.0), None)  # type: ignore[arg-type]
     assert (found is not None) == taken
-    assert search.fixed == (0 if taken else len(terms))
-    assert [one.kept for one in search.tried] == ([taken] if terms else [])
+    assert search.fixed == (0 if taken else contacts)
+    assert [one.kept for one in search.tried] == ([taken] if contacts else [])
+
+
+@pytest.mark.parametrize("kept", [True, False])
+def test_where_no_memory_is_left_the_contacts_are_asked(kept: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    contacts, memory = fit_of((WANDERS,), 1.0), fit_of((CREEP,), 1.0)
+    asked: list[int] = []
+
+    def grown(search: selection._Search, fit: CheckedFit) -> CheckedFit:
+        asked.append(search.fixed)
+        return fit if kept or fit is contacts else fit_of((), 1.0)
+
+    def remembering(search: selection._Search, incumbent: CheckedFit, start: object) -> CheckedFit:
+        search.fixed = 0
+        return memory
+
+    monkeypatch.setattr(selection, "in_fabric", lambda effects: effects)
+    monkeypatch.setattr(selection, "_calibrated", lambda build, fixed, start: contacts)
+    monkeypatch.setattr(selection._Search, "remembering", remembering)
+    monkeypatch.setattr(selection._Search, "grown", grown)
+    monkeypatch.setattr(selection._Search, "pruned", lambda search, fit: ((), fit))
+    found = selection.select(None, (WANDERS,), (), None, [], lambda share, text: None)  # type: ignore[arg-type]
+    assert asked == ([0] if kept else [0, 1])
+    assert found.after is (memory if kept else contacts).solved
