@@ -71,8 +71,11 @@ def write_json(path: Path, content: Any) -> None:
 
 
 def read_json(path: Path) -> Any:
-    """What ``write_json`` wrote; raises ``SealError`` where there is none."""
+    """What ``write_json`` wrote; raises ``SealError`` where there is none, or something else."""
     if not path.exists():
         raise SealError(f"{path}: found no such file, expected one that publish.py or record.py wrote")
     raw = path.read_bytes()
-    return json.loads(lzma.decompress(raw) if path.suffix == ".xz" else raw)
+    try:
+        return json.loads(lzma.decompress(raw) if path.suffix == ".xz" else raw)
+    except (lzma.LZMAError, ValueError) as error:
+        raise SealError(f"{path}: not what publish.py or record.py wrote ({error})") from error

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import seals
 from judged import DiagnosisError, Judged
-from rows import Calibration, FormClasses, Row, reliability, rows
+from rows import Calibration, FormClasses, Row, calibration_error, reliability, rows
 from score import draw, judged, opened
 
 METHOD = "ertskin"
@@ -35,8 +35,8 @@ def line(name: str, cases: list[Judged]) -> str:
     """A sample's row of the table, its calibration error last."""
     by_label = {row.label: row for row in rows(cases, FormClasses({}))}
     shares = [f"{by_label[label].total.hits:g}/{by_label[label].total.count}" for label in COLUMNS]
-    calibration = Calibration.of(cases)
-    return f"| {' | '.join((name, *shares, 'no claim' if calibration is None else f'{calibration.error:.3f}'))} |"
+    error = calibration_error(reliability(cases))
+    return f"| {' | '.join((name, *shares, 'no claim' if error is None else f'{error:.3f}'))} |"
 
 
 def together(cases: list[Judged]) -> list[str]:
@@ -65,6 +65,7 @@ def main() -> int:
     lines = [f"# {len(by_sample)} samples, {len(every)} cases, all seals hold", "", f"| {heads} |"]
     lines += ["|" + " --- |" * (len(COLUMNS) + 2), *(line(name, cases) for name, cases in by_sample.items()), ""]
     lines += together(every)
+    options.out.mkdir(parents=True, exist_ok=True)
     (options.out / "track_record.md").write_text("\n".join(lines) + "\n")
     draw({METHOD: {"reliability": reliability(every)}}, options.out / "track_record.png")
     print("\n".join(lines))

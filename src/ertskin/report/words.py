@@ -29,6 +29,12 @@ def chance_in_words(chance: float) -> str:
     return f"{chance:.2g}" if chance > 0 else "< 1e-300"
 
 
+def confidence_in_words(named: float, both: float) -> str:
+    """How sure a name is and, where that is another number, how sure name and map are."""
+    first, second = f"{named:.2f}", f"{both:.2f}"
+    return first if first == second else f"{first}, with its map {second}"
+
+
 def interval(value: float, low: float, high: float, unit: str) -> str:
     """A value with its interval, in the unit people use."""
     factor, shown = SCALED.get(unit, (1.0, "" if unit == "1" else unit))

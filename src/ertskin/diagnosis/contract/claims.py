@@ -39,8 +39,9 @@ class FieldMap:
     """The values (n,) of an effect's field at points (n,2) in metre.
 
     Of its smooth part, where there is one, the standard ``error`` (n,) and where the recording has
-    ``determined`` it (n,). ``right``: how likely it follows the true field over all its points (correlation of 0.8).
-    ``taxels``: the same at the sensing points, for a map of points between them.
+    ``determined`` it (n,). ``taxels``: the same at the sensing points, for a map of points between
+    them; it is the one that bears ``right``, how likely it follows the true field over all its points (correlation of
+    0.8).
     """
 
     point_m: NDArray[np.float64]
@@ -143,12 +144,6 @@ class Claim:
     def right(self) -> float:
         """How likely name and place are right: of a field, its map as well."""
         return self.confidence if self.right_map is None else self.confidence * self.right_map
-
-    @property
-    def how_sure(self) -> str:
-        """The name's confidence for a reader, and that of name and map where it is another."""
-        named, both = f"{self.named:.2f}", f"{self.right:.2f}"
-        return named if named == both else f"{named}, with its map {both}"
 
     @property
     def in_readings(self) -> bool:

@@ -131,8 +131,8 @@ def _of_field(claim: Claim, selection: Selection, standard: Standard) -> Claim:
     """The claim with what the fit knows of its map, and by how much places differ where it is told by them."""
     if claim.field_map is None:
         return claim
-    field = _as_known(claim.field_map, claim.effect.name, selection.after, standard.extent_m)
     if not claim.by_place:
+        field = _as_known(claim.field_map, claim.effect.name, selection.after, standard.extent_m)
         return replace(claim, field_map=field)
     place_m = pressed_places_m(selection.problem)
     value = logarithms(claim.effect, place_m, standard.extent_m)
@@ -140,7 +140,7 @@ def _of_field(claim: Claim, selection: Selection, standard: Standard) -> Claim:
     places = Places(place_m, value, np.zeros(len(value)) if known is None else known.error)
     side_m = float(np.ptp(standard.extent_m, axis=0).max())
     quantities = claim.quantities | {"log_spread": spread_of(value)}
-    return replace(claim, field_map=where_pressed(field, places, side_m), quantities=quantities)
+    return replace(claim, field_map=where_pressed(claim.field_map, places, side_m), quantities=quantities)
 
 
 def _as_known(field: FieldMap, name: str, solved: Solved, extent_m: Array) -> FieldMap:
@@ -149,7 +149,7 @@ def _as_known(field: FieldMap, name: str, solved: Solved, extent_m: Array) -> Fi
     known = known_at(solved, extent_m, field.point_m).get(name)
     if known is None:
         return replace(field, taxels=taxels)
-    right = right_as_fitted(field.value, known.covariance)
+    right = right_as_fitted(field.value, known.covariance) if taxels is None else None
     return replace(field, error=known.error, determined=known.determined, right=right, taxels=taxels)
 
 
@@ -159,7 +159,7 @@ def where_pressed(field: FieldMap, places: Places, side_m: float) -> FieldMap:
     taxels = None if field.taxels is None else where_pressed(field.taxels, places, side_m)
     apart_m = np.linalg.norm(field.point_m[:, None] - places.point_m, axis=-1).min(axis=1)
     determined = apart_m <= NEXT_TO_M
-    right = right_by_places(field.value, field.point_m, places, side_m)
+    right = right_by_places(field.value, field.point_m, places, side_m) if taxels is None else None
     return replace(field, error=None, determined=determined, right=right, taxels=taxels)
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -110,22 +109,6 @@ def select(
     ``build`` linearises about a fit (or about the start); ``fixed`` terms (the force stage's) belong to every model;
     ``begun`` are terms that another signal has shown, with their rivals there: they must hold their own here.
     """
-    found = _selected(build, fixed, begun, start, partitions, report, memory_first=True)
-    return found or cast(Selection, _selected(build, fixed, begun, start, partitions, report, memory_first=False))
-
-
-def _selected(
-    build: Problem,
-    fixed: Sequence[Term],
-    begun: Sequence[tuple[Term, Rivals]],
-    start: Calibration,
-    partitions: Sequence[Sequence[int]],
-    report: Report,
-    *,
-    memory_first: bool,
-) -> Selection | None:
-    """What ``select`` finds; with ``memory_first`` contacts that wander give way to what places keep, and None where
-    nothing that places keep is left in the end."""
     report(0.15, "fitting the calibration")
     incumbent = _calibrated(build, fixed, start)
     before = incumbent.solved
@@ -136,18 +119,13 @@ def _selected(
         # A form is freed about the fit itself: further off it would mend what linearising leaves.
         incumbent = refined(build, incumbent, partitions)
     search = _Search(build, partitions, report, len(fixed), {_key(term): rivals for term, rivals in begun})
-    remembering = search.remembering(incumbent, start) if memory_first and not begun else None
-    if remembering is not None:
-        incumbent, fixed = remembering, [term for term in fixed if not _path_of_contact(term)]
-    chosen, incumbent = search.fields_reconsidered(*search.pruned(search.grown(incumbent)))
-    if remembering is not None and not _remembers_air(incumbent.solved):
-        return None
+    chosen, incumbent = search.found(incumbent) if begun else search.found_remembering(incumbent, start)
     specimen = None if incumbent.problem.specimen is None else "agrees"
     if search.disagrees or search.specimen_differs(incumbent):
         if not search.disagrees:
             # What made up for another fabric's law on the way goes first.
             _, incumbent = search.pruned(search.by_own_readings(incumbent))
-            chosen, incumbent = search.fields_reconsidered(*search.pruned(search.grown(incumbent)))
+            chosen, incumbent = search.found(incumbent)
         specimen, before = "disagrees", _calibrated(search.build, fixed, start).solved
     problem, current = incumbent.problem, incumbent.solved
     if chosen:
@@ -190,24 +168,39 @@ class _Search:
             self.report(0.25 + 0.1 * turn, f"{incumbent.solved.terms[-1].name} enters")
         return incumbent
 
-    def remembering(self, incumbent: CheckedFit, start: Calibration) -> CheckedFit | None:
-        """With what places keep of presses in the stead of contacts that wander, where it explains rest as well.
+    def found(self, incumbent: CheckedFit) -> tuple[tuple[Chosen, ...], CheckedFit]:
+        """All that is missing from a fit: grown, pruned, and its fields asked for once more."""
+        return self.fields_reconsidered(*self.pruned(self.grown(incumbent)))
+
+    def found_remembering(self, incumbent: CheckedFit, start: Calibration) -> tuple[tuple[Chosen, ...], CheckedFit]:
+        """All that is missing, with what places keep of presses in the stead of contacts that wander where it explains
+        rest as well and stays.
 
         What a press leaves behind changes every reading near it, and contacts found at rest, before any press is looked
         at, share that out; beside them a memory gains less than it explains.
         """
-        still = [term for term in incumbent.solved.terms if not _path_of_contact(term)]
-        if len(still) == len(incumbent.solved.terms):
-            return None
-        other = replace(self, fixed=len(still), stand=dict(self.stand), tried=list(self.tried))
-        proposed = other.one_more(_calibrated(self.build, still, start))
-        if proposed is not None and _remembers_air(proposed.solved):
-            proposed = other._where_readings_remember(proposed)
-            if _explains_rest_alone(other.build, proposed, incumbent.solved.terms):
+        other = self._apart()
+        remembering = other._remembering(incumbent, start)
+        if remembering is not None:
+            chosen, reached = other.found(remembering)
+            if _remembers_air(reached.solved):
                 self._go_on_as(other)
-                return proposed
-        self.tried += [replace(one, kept=False) for one in other.tried[len(self.tried) :]]
-        return None
+                return chosen, reached
+        self._came_to_nothing(other)
+        return self.found(incumbent)
+
+    def _remembering(self, incumbent: CheckedFit, start: Calibration) -> CheckedFit | None:
+        """The fit with a memory that shows in air and no contacts that wander; None where they do better beside it."""
+        terms = incumbent.solved.terms
+        still = [term for term in terms if not _path_of_contact(term)]
+        if len(still) == len(terms):
+            return None
+        self.fixed = len(still)
+        proposed = self.one_more(_calibrated(self.build, still, start))
+        if proposed is None or not _remembers_air(proposed.solved):
+            return None
+        proposed = self._where_readings_remember(proposed)
+        return proposed if _as_good_alone(self.build, proposed, terms) else None
 
     def specimen_differs(self, incumbent: CheckedFit) -> bool:
         """Whether the skin remembers otherwise than the specimen: two pieces of fabric, each with its own law."""
@@ -302,20 +295,28 @@ class _Search:
         that explains all the rest: a pad out of place on a sheet that warms was one of a hundred modes.
         """
         for number in range(self.fixed, len(incumbent.solved.terms) - 1):
-            other = replace(self, stand=dict(self.stand), tried=list(self.tried))
+            other = self._apart()
             proposed = other._in_a_fields_place(incumbent, number)
             if proposed is not None:
                 others, reached = other.pruned(other.grown(proposed))
                 if not reached.spoils(incumbent):
                     self._go_on_as(other)
                     return others, reached
-            self.tried += [replace(one, kept=False) for one in other.tried[len(self.tried) :]]
+            self._came_to_nothing(other)
         return chosen, incumbent
+
+    def _apart(self) -> _Search:
+        """Another search that begins with this one and leaves it as it is."""
+        return replace(self, stand=dict(self.stand), tried=list(self.tried))
 
     def _go_on_as(self, other: _Search) -> None:
         """Take over what another search that began with this one has come to."""
         self.build, self.fixed, self.disagrees = other.build, other.fixed, other.disagrees
         self.stand, self.tried = other.stand, other.tried
+
+    def _came_to_nothing(self, other: _Search) -> None:
+        """Remember what another search that began with this one has tried."""
+        self.tried += [replace(one, kept=False) for one in other.tried[len(self.tried) :]]
 
     def _in_a_fields_place(self, incumbent: CheckedFit, number: int) -> CheckedFit | None:
         """The fit with the likeliest term in the place of the smooth field of this ``number``; None where that is the
@@ -428,8 +429,9 @@ def _without_drifts(build: Problem, incumbent: CheckedFit, fixed: Sequence[Term]
     return proposed, [term for term in fixed if not _path_of_contact(term)]
 
 
-def _explains_rest_alone(build: Problem, fit: CheckedFit, contacts: Sequence[Term]) -> bool:
-    """Whether a fit with a memory, its last term, is as good as one with contacts that wander as well, at rest too."""
+def _as_good_alone(build: Problem, fit: CheckedFit, contacts: Sequence[Term]) -> bool:
+    """Whether a fit with a memory, its last term, is as good as one that has it beside the terms with ``contacts`` that
+    wander, at rest too."""
     problem, solved = fit.problem, fit.solved
     begun = problem.solve([*contacts, solved.terms[-1]], solved.calibration, leftover=solved.leftover)
     both = where_it_settles(build, problem, begun)

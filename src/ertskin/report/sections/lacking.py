@@ -8,7 +8,7 @@ from typing import Any
 
 from ertskin.report.figures.image import data_uri
 from ertskin.report.page import Picture, Row, Section, Table
-from ertskin.report.words import interval, words_of
+from ertskin.report.words import confidence_in_words, interval, words_of
 
 TITLE = "What the simulator lacked, and how that was told"
 SHOWN = (
@@ -64,9 +64,8 @@ def _explained(effect: dict[str, Any]) -> str:
 
 
 def _how_sure(effect: dict[str, Any]) -> str:
-    """The name's confidence, and that of name and map where it is another; a diagnosis of before had but one."""
-    named, both = effect.get("name_confidence", effect["confidence"]), effect["confidence"]
-    return f"{named:.2f}" if f"{named:.2f}" == f"{both:.2f}" else f"{named:.2f}, with its map {both:.2f}"
+    """How sure name and map are; a diagnosis of before has but one number."""
+    return confidence_in_words(effect.get("name_confidence", effect["confidence"]), effect["confidence"])
 
 
 def _named(effects: list[dict[str, Any]]) -> Table:

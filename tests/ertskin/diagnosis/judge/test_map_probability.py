@@ -1,4 +1,4 @@
-"""How likely a map is right, against fields drawn the long way, Fisher's transform and known fields."""
+"""How likely a map is right, against fields drawn the long way, Student's distribution and known fields."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from scipy.spatial.distance import cdist
-from scipy.stats import norm
+from scipy.stats import nct
 
 from ertskin.diagnosis.judge.map_probability import FOLLOWS, Places, right_as_fitted, right_by_places
 from ertskin.diagnosis.judge.undetermined_field import _inflated
@@ -26,11 +26,12 @@ def test_it_is_the_share_of_fields_that_the_map_follows() -> None:
 
 
 @pytest.mark.parametrize("error", [0.6, 0.75, 0.9])
-def test_of_independent_errors_it_is_as_fisher_says(error: float) -> None:
-    expected = np.std(FIELD) / np.hypot(np.std(FIELD), error)
-    chance = norm.cdf((np.arctanh(expected) - np.arctanh(FOLLOWS)) * np.sqrt(len(FIELD) - 3))
-    # The map is given, only the true field is drawn: not quite Fisher's case.
-    assert right_as_fitted(FIELD, error**2 * np.eye(40)) == pytest.approx(chance, abs=0.12)
+def test_of_independent_errors_it_is_as_student_says(error: float) -> None:
+    # What is drawn is regressed on a given map: its correlation r has r sqrt((n - 2) / (1 - r^2)) not central t.
+    count = len(FIELD)
+    least = FOLLOWS * np.sqrt((count - 2) / (1 - FOLLOWS**2))
+    chance = nct.sf(least, count - 2, np.sqrt(count) * FIELD.std() / error)
+    assert right_as_fitted(FIELD, error**2 * np.eye(count)) == pytest.approx(chance, abs=0.02)
 
 
 def test_an_even_raise_that_nothing_tells_of_does_not_matter() -> None:

@@ -29,6 +29,7 @@ from ertskin.physics.effects.sheet_anisotropy import SheetAnisotropy
 from ertskin.physics.effects.standard import Standard
 from ertskin.physics.history import History
 from ertskin.physics.protocol import Protocol, electrode_pairs
+from ertskin.report.words import confidence_in_words
 
 SENSOR = nominal_sensor()
 STANDARD = Standard(lambda p: 1 / (1 + p / 1e4), 1e5, point_m=SENSOR.taxel_m, extent_m=SENSOR.extent_m)
@@ -151,4 +152,5 @@ def test_a_name_told_at_few_places_is_surer_than_its_map() -> None:
     assert written["map"]["taxels"]["right"] == pytest.approx(written["confidence"] / 0.9, abs=1e-2)
     last = written["reasons"][-1]
     assert (last["rule"], last["before"], last["after"]) == ("map_known", 0.9, written["confidence"])
-    assert claim.how_sure == f"0.90, with its map {claim.right:.2f}"
+    assert "right" not in written["map"]
+    assert confidence_in_words(claim.named, claim.right) == f"0.90, with its map {claim.right:.2f}"

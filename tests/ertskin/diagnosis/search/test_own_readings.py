@@ -117,8 +117,9 @@ def test_what_places_keep_takes_the_stead_of_contacts_that_wander(
     monkeypatch.setattr(selection, "in_fabric", lambda effects: effects)
     monkeypatch.setattr(selection, "_calibrated", lambda build, fixed, start: fit_of(tuple(fixed), 3.0))
     search = selection._Search(None, [], lambda share, text: None, contacts, {})  # type: ignore[arg-type]
-    found = search.remembering(fit_of((WANDERS,) * contacts, 2.0), None)  # type: ignore[arg-type]
-    assert (found is not None) == taken
+    monkeypatch.setattr(selection._Search, "found", lambda search, fit: ((), fit))
+    _, found = search.found_remembering(fit_of((WANDERS,) * contacts, 2.0), None)  # type: ignore[arg-type]
+    assert (WANDERS not in found.solved.terms) == (taken or not contacts)
     assert search.fixed == (0 if taken else contacts)
     assert [one.kept for one in search.tried] == ([taken] if contacts else [])
 
@@ -138,7 +139,7 @@ def test_where_no_memory_is_left_the_contacts_are_asked(kept: bool, monkeypatch:
 
     monkeypatch.setattr(selection, "in_fabric", lambda effects: effects)
     monkeypatch.setattr(selection, "_calibrated", lambda build, fixed, start: contacts)
-    monkeypatch.setattr(selection._Search, "remembering", remembering)
+    monkeypatch.setattr(selection._Search, "_remembering", remembering)
     monkeypatch.setattr(selection._Search, "grown", grown)
     monkeypatch.setattr(selection._Search, "pruned", lambda search, fit: ((), fit))
     found = selection.select(None, (WANDERS,), (), None, [], lambda share, text: None)  # type: ignore[arg-type]
