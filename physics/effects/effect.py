@@ -182,6 +182,11 @@ class Effect:
         which they are tried; none where there is no more to free."""
         return ()
 
+    def at_once(self, free: tuple[str, ...]) -> Start | None:
+        """What follows a press at once, as a static law does, where the effect, its parameters ``free``, would follow
+        in time; None of what has no such limit, or none that the law at hand doesn't hold already."""
+        return None
+
 
 def shown_by(effect: Effect | type[Effect], signal: Signal) -> bool:
     """Whether a signal shows an effect in the form at hand, or in any form of its kind."""
@@ -321,9 +326,12 @@ class ElectrodeEffect(Effect):
     """An effect of the electrodes."""
 
     stage: ClassVar[Stage] = Stage.ELECTRODES
+    by_pressure: ClassVar[bool] = False
+    """Whether every spot of a contact follows the pressure there: ``contact_resistance_ohm`` then takes pressures and
+    resistances of any one shape, those of spots as if each had the whole contact's size."""
 
     def contact_resistance_ohm(self, resistance_ohm: Array, pad_pressure_pa: Array, time_s: Array) -> Array:
-        """(T,L) ohm, from contact resistances (T,L) and mean pressures on the electrodes (T,L) over times (T,)."""
+        """(T,L) ohm, from contact resistances (T,L) and pressures on the electrodes (T,L) over times (T,)."""
         return resistance_ohm
 
     def geometry(self, sensor: Sensor) -> Sensor:

@@ -181,3 +181,11 @@ class PiezoCreep(PiezoEffect):
                 Start(aged, ("fraction", "time_s", "half_pa", "slip")),
             )
         return ()
+
+    def at_once(self, free: tuple[str, ...]) -> Start | None:
+        """The law that is left where nothing lags."""
+        if self.ages or not (self.multiplies or self.exponent != 1):
+            return None
+        least_s = self.known("time_s").low
+        at_once = replace(self, time_s=least_s, decades=0.0, remembers_air=False)
+        return Start(at_once, tuple(key for key in free if key not in ("time_s", "decades")))

@@ -28,7 +28,7 @@ from ertskin.diagnosis.recording.split import FEW, MANY, all_fitted, fitted_and_
 from ertskin.diagnosis.rest.baseline import Baseline, calibrated
 from ertskin.diagnosis.search.foretold import that_foretells
 from ertskin.diagnosis.search.form_error import form_error
-from ertskin.diagnosis.search.selection import Selection, select
+from ertskin.diagnosis.search.selection import Selection, select, selected_again
 from ertskin.diagnosis.search.trials import rms_of
 from ertskin.hardware.recording import Recording
 from ertskin.physics.conduction.mesh import MeshError
@@ -116,7 +116,7 @@ def _for_simulation(
     report: Report,
 ) -> Findings:
     """The findings, of which what is handed on is fitted to all presses where they are few, and chosen from all of
-    them, beginning with what was found, where they are very few or have shown a field. What spoils predictions isn't
+    them, beginning with what was found, where they are very few. What spoils predictions isn't
     looked for again, unless it is told place by place, which predicts nothing."""
     everything, presses = all_fitted(evidence)
     spoilt = findings.diagnosis.spoilt and not any(claim.by_place for claim in findings.diagnosis.claims)
@@ -124,21 +124,31 @@ def _for_simulation(
     if presses >= MANY or nothing or findings.diagnosis.verdict == "no_mismatch":
         return findings
     report(0.94, "fitting all presses, which are few, for what is handed on")
-    # How far a field spreads is chosen, not fitted: of too few places it is chosen wrongly.
-    if presses < FEW or any(term.modes is not None for term in selection.after.terms):
+    field = any(term.modes is not None for term in selection.after.terms)
+    if presses < FEW or (field and selector is not select):
         begun = [(term, chosen.rivals) for term, chosen in selection.found if term.modes is None]
         again = partial(_selected, evidence, baseline, family, everything, selector, _silent, begun)
-        return with_fields_of_all_presses(_handing_on(findings, again), family)
-    refit = partial(_fitted_to, everything, evidence, baseline, family, selection)
-    return with_fields_of_all_presses(_handing_on(findings, refit), family)
+    else:
+        again = partial(_fitted_to, everything, evidence, baseline, family, selection)
+    return with_fields_of_all_presses(_handing_on(findings, again), family)
 
 
 def _fitted_to(
     rows: Indices, evidence: Evidence, baseline: Baseline, family: SkinFamily, selection: Selection
 ) -> Selection:
-    """The selection with its terms fitted to the frames ``rows``."""
+    """The selection with its terms fitted to the frames ``rows``.
+
+    How far a field spreads is chosen, not fitted: of too few places it is chosen wrongly.
+    """
     linearised, specimen = _building(evidence, baseline, family, rows, _silent), selection.problem.specimen
-    checked = settled(lambda solved: replace(linearised(solved), specimen=specimen), selection.after)
+
+    def build(solved: Solved | None) -> VoltageProblem:
+        return replace(linearised(solved), specimen=specimen)
+
+    if any(term.modes is not None for term in selection.after.terms):
+        partitions = _partitions(folds_of(evidence.history.press[rows], FOLDS))
+        return that_foretells(selected_again(selection, build, partitions, _silent), partitions)
+    checked = settled(build, selection.after)
     problem, after = exact(checked.problem, checked.solved)
     return replace(selection, after=after, problem=problem)
 

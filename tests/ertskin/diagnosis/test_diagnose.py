@@ -139,7 +139,7 @@ def test_few_presses_that_can_not_be_fitted_together_hand_on_what_was_claimed() 
         (11, 1, True, True, False, "as found"),
         (11, 1, True, True, True, "chosen"),
         (12, 1, False, False, False, "fitted"),
-        (12, 1, True, False, False, "chosen"),
+        (12, 1, True, False, False, "fitted"),
         (12, 0, False, False, False, "as found"),
         (12, 1, False, True, False, "as found"),
         (24, 1, True, False, False, "as found"),
@@ -165,8 +165,12 @@ def test_what_is_handed_on_is_chosen_or_fitted_by_how_many_presses_there_are(
     terms = [SimpleNamespace(modes=np.eye(2) if field else None)]
     begun = [(term, SimpleNamespace(rivals=())) for term in terms]
     selection = SimpleNamespace(after=SimpleNamespace(effects=("one",) * effects, terms=terms), found=begun)
-    handed = skin._for_simulation(found, None, None, None, selection, None, lambda share, text: None)  # type: ignore[arg-type]
+    asked = (found, None, None, None, selection)
+    handed = skin._for_simulation(*asked, skin.select, lambda share, text: None)  # type: ignore[arg-type]
     assert (handed if isinstance(handed, str) else "as found") == way
+    if way == "fitted" and field:
+        # Another way to choose chooses again: how far a field spreads is its own affair.
+        assert skin._for_simulation(*asked, selected, lambda share, text: None) == "chosen"  # type: ignore[arg-type, comparison-overlap]
 
 
 @pytest.mark.parametrize("saturated_v", [None, 2.0])

@@ -222,3 +222,30 @@ def test_several_time_constants_take_in_the_mean_of_each() -> None:
     constants_s = np.array([0.2, 3.0, 50.0])
     each = [lagging(drive, time_s, constants_s[k : k + 1], moves_s=0.5) for k in range(3)]
     np.testing.assert_allclose(lagging(drive, time_s, constants_s, moves_s=0.5), np.mean(each, axis=0), atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    "creep",
+    [
+        PiezoCreep(fraction=0.3, time_s=5.0, decades=2.0, remembers_air=True, multiplies=True),
+        PiezoCreep(fraction=0.3, time_s=5.0, exponent=0.5),
+    ],
+    ids=["a factor", "a power of the pressure"],
+)
+def test_without_its_lag_creep_is_a_law_of_the_pressure_alone(creep: PiezoCreep) -> None:
+    static = creep.at_once(("fraction", "time_s", "decades", "half_pa"))
+    assert static is not None
+    assert static.free == ("fraction", "half_pa")
+    path = np.concatenate([np.linspace(1e3, 2e4, 20), np.linspace(2e4, 1e3, 20)])
+    law = PiezoPolynomial(np.array([0.6, -0.4]), 6e4, 2e4)
+
+    def loop(effect) -> float:
+        resistance = fabric_ohm_sq(law, (effect,), path[:, None], NOWHERE, 10.0 * np.arange(40.0), EXTENT)[:, 0]
+        return float(np.abs(np.log(resistance[21:-1] / resistance[1:19][::-1])).max())
+
+    assert loop(static.effect) < 0.02 * loop(creep)
+
+
+@pytest.mark.parametrize("creep", [PiezoCreep(fraction=0.3), PiezoCreep(fraction=0.3, multiplies=True, ages=True)])
+def test_creep_in_proportion_and_age_leave_no_law_of_their_own(creep: PiezoCreep) -> None:
+    assert creep.at_once(("fraction", "time_s")) is None

@@ -33,12 +33,14 @@ it by 0.05 and 0.14 (``c026`` of ``eighth32``, ``known_piezo_hysteresis``)."""
 @dataclass(frozen=True, eq=False)
 class CheckedFit:
     """A fit and the problem it was made with. On a few frames solved in full: ``misfit`` of the fit and ``off``, by how
-    much the linearised skin differs from the whole one, both rms over noise."""
+    much the linearised skin differs from the whole one, both rms over noise. ``freed``: the fit of which forms
+    were freed and none was better, if it is this one."""
 
     problem: VoltageProblem
     solved: Solved
     misfit: float
     off: float
+    freed: Solved | None = None
 
     @property
     def linearisation_fails(self) -> bool:

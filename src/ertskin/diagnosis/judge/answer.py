@@ -24,6 +24,7 @@ from ertskin.diagnosis.fit.nonreciprocal import acquires
 from ertskin.diagnosis.force.claims import ForceAnswer, force_answer
 from ertskin.diagnosis.judge.axis_tests import AxisTest, axis_tests, depends_on
 from ertskin.diagnosis.judge.confidence import (
+    at_once,
     left_beyond,
     left_over,
     mending,
@@ -202,10 +203,15 @@ def _rules(case: Case) -> list[tuple[str, str, Callable[[list[Claim]], list[Clai
     shape = case.evidence.protocol.orthonormal.shape
     residuals = (selection.before.scan_residual, selection.after.scan_residual)
     rest, shown = selection.problem.evidence.rest, _shown_elsewhere(case)
-    at_rest = _shown_at_rest(selection, criteria)
+    at_rest, by_lag = _shown_at_rest(selection, criteria), [chosen.by_lag for chosen in selection.chosen]
     misled, spoilt = case.found.misled(criteria), case.found.spoilt(criteria)
     return [
         *_rules_of_misfit(case),
+        (
+            "at_once",
+            "a law that follows presses at once explains nearly as much",
+            lambda c: at_once(c, by_lag, criteria),
+        ),
         (
             "mending",
             "small beside one that depends on the same: it may mend that one's form",

@@ -20,6 +20,12 @@ MAP_POWER = 5.0
 of 21 below 0.95 had the right map, 9 of 11 above it: the likeliest power is 5.5, 3.5 to 8 within half a nat, and gains
 8.5. The 121 other names want 0.8, which gains 0.3: they are left as they are."""
 
+AT_ONCE = "another static law"
+"""What a memory's alternative without any lag is called."""
+
+SEEN = 0.01
+"""Confidence from which an alternative is said."""
+
 RATHER = 0.5
 """Confidence below which a map is rather wrong than right."""
 
@@ -71,6 +77,21 @@ def left_over(
 def _explained_by_place(claim: Claim, criteria: Criteria) -> float:
     """Part of the misfit of the presses fitted that goes where a field is told place by place; nought for any other."""
     return 0.0 if claim.misfits_by_place is None else explained(*claim.misfits_by_place, criteria)
+
+
+def at_once(claims: Sequence[Claim], by_lag: Sequence[float | None], criteria: Criteria) -> list[Claim]:
+    """Memories are as sure as what lags makes them: ``by_lag`` (of the first claims) is the half chi-square that a law
+    in their stead which follows presses at once loses. That is no name, but a name must gain what is significant."""
+    found = list(claims)
+    for k, lost in enumerate(by_lag):
+        if lost is None:
+            continue
+        share = 1 / (1 + float(np.exp((criteria.significant_gain - lost) / criteria.evidence_discount)))
+        static = (1 - share) * claims[k].confidence
+        others = ((AT_ONCE, static),) if static > SEEN else ()
+        alternatives = (*claims[k].alternatives, *others)
+        found[k] = replace(claims[k], confidence=share * claims[k].confidence, alternatives=alternatives)
+    return found
 
 
 def left_beyond(claims: Sequence[Claim], before: float, after: float, criteria: Criteria) -> list[Claim]:

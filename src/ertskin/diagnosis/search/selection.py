@@ -63,7 +63,8 @@ class Chosen:
     ``ratio_alone``: rms over noise that this term by itself would make, on frames held out. ``confidence``: that of
     another way to choose, which no rule changes; None where it follows from the rivals and the rules. ``by_place``:
     misfits over noise of the presses fitted without the field that it is, and with it told place by place. ``at_rest``:
-    what a frame at rest loses without it, over what a frame fitted does.
+    what a frame at rest loses without it, over what a frame fitted does. ``by_lag``: what the fit loses if it followed
+    presses at once; None of what has no such limit.
     """
 
     term: Term
@@ -73,6 +74,7 @@ class Chosen:
     confidence: float | None = None
     by_place: tuple[float, float] | None = None
     at_rest: float = 0.0
+    by_lag: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,11 +129,29 @@ def select(
             _, incumbent = search.pruned(search.by_own_readings(incumbent))
             chosen, incumbent = search.found(incumbent)
         specimen, before = "disagrees", _calibrated(search.build, fixed, start).solved
-    problem, current = incumbent.problem, incumbent.solved
-    if chosen:
-        chosen, incumbent = _with_fields_by_place(search.build, incumbent, chosen, partitions)
-        problem, current = _in_full(incumbent.problem, incumbent.solved)
-    return Selection(before, current, chosen, problem, tuple(search.tried), specimen)
+    return search.completed(before, chosen, incumbent, specimen)
+
+
+def selected_again(
+    selection: Selection, build: Problem, partitions: Sequence[Sequence[int]], report: Report
+) -> Selection:
+    """The selection's terms fitted to the frames of ``build``: how far its fields spread is chosen anew, and what these
+    frames don't show goes.
+
+    Raises ``MeshError`` where there is no such sheet.
+    """
+    found, begun = selection.after, selection.before
+    before = build(begun).solve(begun.terms, begun.calibration)
+    fixed = len(found.terms) - len(selection.chosen)
+    search = _Search(build, partitions, report, fixed, {_key(term): one.rivals for term, one in selection.found})
+    kept = [term for term in found.terms if not term.by_place]
+    incumbent = where_it_settles(build, None, build(found).solve(kept, found.calibration))
+    if incumbent is None:
+        raise MeshError("what some presses have shown can't be meshed with all of them")
+    incumbent = refined(build, incumbent, partitions)
+    if len(kept) < len(found.terms):
+        incumbent = search.told_by_place(incumbent) or incumbent
+    return search.completed(before, *search.pruned(incumbent), selection.specimen)
 
 
 def _calibrated(build: Problem, fixed: Sequence[Term], start: Calibration) -> CheckedFit:
@@ -251,7 +271,7 @@ class _Search:
             named = entered is not None and entered[0].term.name not in {t.name for t in current.terms}
             self.tried.append(Tried((*(t.name for t in current.terms), FORM_ERROR), left, not named))
         if entered is None:
-            return self._in_anothers_place(incumbent, trials) or self._told_by_place(incumbent)
+            return self._in_anothers_place(incumbent, trials) or self.told_by_place(incumbent)
         trial, proposed = entered
         others = [t for t in trials if t.term.name != trial.term.name and t.gain <= (1 + KNOWN) * trial.gain]
         self.stand[_key(trial.term)] = tuple(Rival(t.term.effect, trial.gain - t.gain) for t in others)
@@ -277,7 +297,7 @@ class _Search:
         self.stand[_key(entered)] = (Rival(left.effect, gain),)
         return _reconsidered(self.build, proposed)
 
-    def _told_by_place(self, incumbent: CheckedFit) -> CheckedFit | None:
+    def told_by_place(self, incumbent: CheckedFit) -> CheckedFit | None:
         """With a field told place by place, where nothing else explains most of what is missing."""
         found = told_by_place(self.build, incumbent)
         if found is None:
@@ -342,6 +362,16 @@ class _Search:
         # What is left may fit as well elsewhere only because the skin was linearised far from there.
         chosen, current = _backward(proposed.problem, proposed.solved, self.fixed, self.partitions, self.stand)
         return chosen, replace(proposed, solved=current)
+
+    def completed(
+        self, before: Solved, chosen: tuple[Chosen, ...], incumbent: CheckedFit, specimen: str | None
+    ) -> Selection:
+        """What was found, fields told place by place where these say more, fitted where the skin is solved in full."""
+        problem, current = incumbent.problem, incumbent.solved
+        if chosen:
+            chosen, incumbent = _with_fields_by_place(self.build, incumbent, chosen, self.partitions)
+            problem, current = _in_full(incumbent.problem, incumbent.solved)
+        return Selection(before, current, chosen, problem, tuple(self.tried), specimen)
 
 
 def _with_fields_by_place(
@@ -608,5 +638,19 @@ def _backward(
             at_rest = _lost_at_rest(problem, without, current)
             chosen.append(Chosen(term, loss, alone, stand.get(_key(term), ()), at_rest=at_rest))
         if dropped is None:
-            return tuple(chosen), current
+            judged = (_with_lag(problem, current, fixed + k, one, partitions) for k, one in enumerate(chosen))
+            return tuple(judged), current
         current = dropped[1]
+
+
+def _with_lag(
+    problem: VoltageProblem, current: Solved, number: int, chosen: Chosen, partitions: Sequence[Sequence[int]]
+) -> Chosen:
+    """The term of this ``number`` with what the fit loses where it follows presses at once."""
+    term = current.terms[number]
+    at_once = term.effect.at_once(term.free)
+    if at_once is None:
+        return chosen
+    terms = [*current.terms[:number], Term(at_once.effect, at_once.free), *current.terms[number + 1 :]]
+    static = problem.solve(terms, current.calibration, steps=5, leftover=current.leftover)
+    return replace(chosen, by_lag=gained(static, current, partitions, problem.evidence.criteria))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -41,12 +42,12 @@ def refined(build: Problem, incumbent: CheckedFit, partitions: Sequence[Sequence
     What has taken the fit far is settled, and what was freed about the old place freed about the new one again.
     """
     for _ in range(REFINED):
+        if incumbent.freed is incumbent.solved:
+            break
         freed = _freed(incumbent, partitions)
-        if freed is incumbent.solved:
-            break
-        proposed = where_it_settles(build, incumbent.problem, freed)
+        proposed = None if freed is incumbent.solved else where_it_settles(build, incumbent.problem, freed)
         if proposed is None or proposed.spoils(incumbent):
-            break
+            return replace(incumbent, freed=incumbent.solved)
         before, incumbent = incumbent, proposed
         if incumbent.misfit > STILL * before.misfit:
             break

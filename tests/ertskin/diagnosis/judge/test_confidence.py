@@ -12,6 +12,8 @@ from ertskin.diagnosis.contract.claims import Claim, Reason
 from ertskin.diagnosis.criteria import DEFAULT
 from ertskin.diagnosis.judge.answer import _instrument_claims
 from ertskin.diagnosis.judge.confidence import (
+    AT_ONCE,
+    at_once,
     left_beyond,
     left_over,
     left_over_of_force,
@@ -91,6 +93,15 @@ def test_where_presses_land_answers_for_misfit_as_any_place_does() -> None:
     landing, foam = left_over(claims, 3.0, 2.236, DEFAULT)
     assert landing.confidence == pytest.approx(0.95 * 0.302, abs=0.01)
     assert foam.confidence == 0.95
+
+
+def test_a_memory_is_as_sure_as_what_lags_makes_it() -> None:
+    claims = [claim(PiezoCreep(fraction=0.1), 2.0), claim(PiezoHysteresis(width=0.1), 2.0)]
+    assert at_once(claims, [200.0, None], DEFAULT)[0].confidence == pytest.approx(0.95)
+    creep, loop = at_once(claims, [0.0, None], DEFAULT)
+    assert creep.confidence == pytest.approx(0.95 / (1 + np.exp(1.5)))
+    assert creep.alternatives == ((AT_ONCE, pytest.approx(0.95 - creep.confidence)),)
+    assert loop == claims[1]
 
 
 def test_names_of_the_instrument_answer_for_what_no_network_explains() -> None:

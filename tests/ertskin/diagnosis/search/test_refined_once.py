@@ -1,0 +1,34 @@
+"""Forms of which none predicted better aren't freed again about the same fit."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+from small_problem import PARTITIONS, START, recorded
+
+from ertskin.diagnosis.fit.full_solution_check import checked_fit
+from ertskin.diagnosis.fit.joint_fit import Term
+from ertskin.diagnosis.search import settling
+from ertskin.diagnosis.search.settling import refined
+from ertskin.physics.effects.piezo_hysteresis import PiezoHysteresis
+
+LOOP = PiezoHysteresis(width=0.1)
+
+
+def test_a_fit_is_freed_once_and_another_one_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    problem = recorded(LOOP)
+    fit = checked_fit(problem, problem.solve([Term(LOOP, ("width",))], START))
+    asked = []
+
+    def freed(fit, partitions):
+        asked.append(fit)
+        return fit.solved
+
+    monkeypatch.setattr(settling, "_freed", freed)
+    once = refined(lambda solved: problem, fit, PARTITIONS)
+    assert once.solved is fit.solved
+    assert refined(lambda solved: problem, once, PARTITIONS) is once
+    assert len(asked) == 1
+    refined(lambda solved: problem, replace(once, solved=problem.solve(once.solved.terms, START)), PARTITIONS)
+    assert len(asked) == 2
