@@ -39,7 +39,6 @@ Kind = TypeVar("Kind", bound=Effect)
 TAIL = 2e-5
 """Pressure below this part of its peak is left out. On the paper's pad, at 10 N and 0.1 mA, that changes the 276
 numbers by 0.06 of a 2 mV noise; ten times more left out would change them by half of it."""
-PAD_SAMPLES = 7
 UNCHANGED = 1e-5
 """Relative change of conductance, of what presses have left behind, below which there is none."""
 TOGETHER = 2_000_000
@@ -126,12 +125,6 @@ class Skin:
         unit = [self.pressure.at(position_m - spot) for spot in spots]
         return np.asarray(share_n @ np.reshape(unit, (len(spots), len(position_m))))
 
-    def pad_pressure_pa(self, contact_m: Array, force_n: Array) -> Array:
-        """(T,L) mean pressure on the electrodes, as of ``pressure_pa``."""
-        spots, share_n = self._spots(contact_m, force_n)
-        unit = [self.pressure.at(self.pad_sample_m - spot).mean(axis=1) for spot in spots]
-        return np.asarray(share_n @ np.reshape(unit, (len(spots), len(self.pad_sample_m))))
-
     def _spots(self, contact_m: Array, force_n: Array) -> tuple[Array, Array]:
         """Places (S,2) that are pressed, and the force (T,S) in newton that the sheet feels at each."""
         felt_n = self.felt_n(force_n)
@@ -174,22 +167,31 @@ class Skin:
 
     # electrodes ----------------------------------------------------------------------------------------------------
 
-    @cached_property
-    def pad_sample_m(self) -> Array:
-        """(L,S,2) points over which the pressure on each electrode is averaged."""
-        if self.sensor.electrode_edge_m is not None:
-            first, last = self.sensor.electrode_edge_m[:, 0], self.sensor.electrode_edge_m[:, 1]
-            share = (np.arange(PAD_SAMPLES) + 0.5)[:, None] / PAD_SAMPLES
-            return first[:, None] + share * (last - first)[:, None]
-        unit = (np.arange(PAD_SAMPLES) + 0.5) / PAD_SAMPLES - 0.5
-        grid = np.stack([np.tile(unit, PAD_SAMPLES), np.repeat(unit, PAD_SAMPLES)], axis=1)
-        return self.sensor.electrode_center_m[:, None] + grid * self.sensor.electrode_size_m[:, None]
-
-    def contact_resistances_ohm(self, time_s: Array, pad_pressure_pa: Array) -> Array:
-        """(T,L) ohm under mean pressures on the electrodes (T,L)."""
-        start = np.broadcast_to(self.contact_resistance_ohm, pad_pressure_pa.shape).astype(float)
-        effects = _of(self.effects, ElectrodeEffect)
-        return reduce(lambda z, e: e.contact_resistance_ohm(z, pad_pressure_pa, time_s), effects, start)
+    def contacts(self, time_s: Array, contact_m: Array, force_n: Array) -> tuple[Array, Array | None]:
+        """(T,L) contact resistances in ohm under forces (T,P) at true positions (T,P,2), and what each of the contacts'
+        cells conducts over the mean of its contact (T,C); None for no contact that follows its pressure."""
+        effects, model = _of(self.effects, ElectrodeEffect), self.sheet
+        ohm = np.tile(np.asarray(self.contact_resistance_ohm, dtype=float), (len(time_s), 1))
+        if not effects:
+            return ohm, None
+        center_m = np.concatenate([contact.center_m for contact in model.contacts])
+        pressure = self.pressure_pa(center_m, contact_m, force_n)
+        on_each = list(zip(model.contacts, model.cells, strict=True))
+        mean = np.stack([pressure[:, mine] @ contact.cell_size / contact.size for contact, mine in on_each], axis=1)
+        steady = [effect for effect in effects if not effect.by_pressure]
+        ohm = reduce(lambda z, e: e.contact_resistance_ohm(z, mean, time_s), steady, ohm)
+        if len(steady) == len(effects):
+            return ohm, None
+        share = np.ones(pressure.shape)
+        for k, (contact, mine) in enumerate(on_each):
+            pressed = pressure[:, mine].any(axis=1)
+            cells = np.repeat(ohm[pressed, k, None], mine.stop - mine.start, axis=1)
+            for effect in effects:
+                if effect.by_pressure:
+                    cells = effect.contact_resistance_ohm(cells, pressure[pressed, mine], time_s[pressed])
+            ohm[pressed, k] = contact.size / ((1.0 / cells) @ contact.cell_size)
+            share[pressed, mine] = ohm[pressed, k, None] / cells
+        return ohm, share
 
     # conduction ----------------------------------------------------------------------------------------------------
 
@@ -204,7 +206,7 @@ class Skin:
         wanted = np.arange(len(history)) if wanted is None else wanted
         forces = self.known_force_n(history) if force_n is None else force_n
         contact = self.contact_m(history.contact_m)
-        contacts = self.contact_resistances_ohm(history.time_s, self.pad_pressure_pa(contact, forces))
+        contacts, share = self.contacts(history.time_s, contact, forces)
         drift = self.drift(history.time_s)
         resting = self.resting_conductance_s
         drifted = None if self._tensor else DriftedSheets.of(self._resting, np.log(drift[wanted]))
@@ -222,7 +224,8 @@ class Skin:
                 if warmth is not None:
                     per_point = np.repeat(np.exp(warmth[row]), self.sheet.weight_m2.shape[1])
                     sheet *= per_point if sheet.ndim == 1 else per_point[:, None]
-                result[row] = self._solved(sheet, contacts[wanted[row]], drift[wanted[row]], drifted)
+                cells = None if share is None else share[wanted[row]]
+                result[row] = self._solved(sheet, contacts[wanted[row]], cells, drift[wanted[row]], drifted)
         return result
 
     def pressed_conductance_s(
@@ -311,7 +314,14 @@ class Skin:
         parts = [part for part in found if part is not None]
         return np.sum(parts, axis=0) if parts else None
 
-    def _solved(self, conductance_s: Array, contact_ohm: Array, drift: float, drifted: DriftedSheets | None) -> Array:
+    def _solved(
+        self,
+        conductance_s: Array,
+        contact_ohm: Array,
+        share: Array | None,
+        drift: float,
+        drifted: DriftedSheets | None,
+    ) -> Array:
         shaped = conductance_s.reshape(*self.sheet.weight_m2.shape, *conductance_s.shape[1:])
         # A sheet resistance times f with contacts z is f times the original sheet with contacts z/f.
         same = np.array_equal(contact_ohm, self.contact_resistance_ohm)
@@ -319,7 +329,7 @@ class Skin:
             return drift * drifted.pair_resistance_ohm(shaped, float(np.log(drift)))
         contacts = contact_ohm / drift
         if conductance_s.ndim > 1 or not np.array_equal(contacts, self.contact_resistance_ohm):
-            return drift * self.sheet.solve(shaped, contacts).pair_resistance_ohm
+            return drift * self.sheet.solve(shaped, contacts, share).pair_resistance_ohm
         if np.array_equal(shaped, self._resting.conductivity_s):
             return drift * self._resting.pair_resistance_ohm
         return drift * self.sheet.solve_again(shaped, self._resting).pair_resistance_ohm

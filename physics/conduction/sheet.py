@@ -5,7 +5,8 @@ the electrodes,
 
     int sigma grad u . grad v + sum_l 1/z_l int_l (u - U_l)(v - V_l) = sum_l I_l V_l,
 
-where l runs over a pad's area or an edge electrode's length and z_l = R_l |l| is its specific contact impedance. The
+where l runs over a pad's area or an edge electrode's length and z_l = R_l |l| is its specific contact impedance, which
+may vary over it: a contact's share says what 1/z_l is in each of its cells, over its mean. The
 sheet's unknowns are eliminated; what remains is the (L,L) conductance between the electrodes, whose inverse on
 mean-free currents is the transfer matrix.
 """
@@ -14,6 +15,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -110,6 +112,11 @@ class SheetModel:
         self.fronts = Fronts.of(row, column, dissect(self.space), self.electrodes)
         rank = self.fronts.rank
         self._contact_map = _columns([(rank[entries], values) for entries, values in added], len(row))
+        by_node = [len(unique) + np.flatnonzero(touch.col == k) for k in range(len(self.contacts))]
+        self._cell_entries = [
+            (rank[where].reshape(len(c.cell), -1), rank[mine[np.searchsorted(c.nodes, c.cell)]])
+            for where, mine, c in zip(touched, by_node, self.contacts, strict=True)
+        ]
         self._matrices = ElementMatrices.of(self.space, rank[element].reshape(len(self.space.element), -1))
 
     @property
@@ -121,8 +128,25 @@ class SheetModel:
         """(E,Q) conductivity of a uniform sheet, in siemens."""
         return np.full(self.weight_m2.shape, 1.0 / sheet_resistance_ohm_sq)
 
-    def solve(self, conductivity_s: Array, contact_resistance_ohm: Array) -> Solution:
-        """One conductivity (E,Q) in siemens (or (E,Q,3): xx, xy, yy) and contact resistances (L,) in ohm.
+    @cached_property
+    def _cell_map(self) -> csr_array:
+        """(entries, C) what each cell of the contacts, electrode by electrode, adds per siemens and area."""
+        columns: list[tuple[Indices, Array]] = []
+        for (where, coupled), contact in zip(self._cell_entries, self.contacts, strict=True):
+            within = contact.cell_mass[:, *np.tril_indices(contact.cell.shape[1])]
+            entries, value = np.hstack([where, coupled]), np.hstack([within, -contact.cell_mass.sum(axis=2)])
+            columns += zip(entries, value, strict=True)
+        return _columns(columns, self._contact_map.shape[0])
+
+    @cached_property
+    def cells(self) -> list[slice]:
+        """Which of all contacts' cells (C,) are an electrode's."""
+        ends = np.cumsum([0, *(len(contact.cell) for contact in self.contacts)]).tolist()
+        return [slice(first, last) for first, last in pairwise(ends)]
+
+    def solve(self, conductivity_s: Array, contact_resistance_ohm: Array, share: Array | None = None) -> Solution:
+        """One conductivity (E,Q) in siemens (or (E,Q,3): xx, xy, yy) and contact resistances (L,) in ohm, with what
+        each of their ``cells`` (C,) conducts per area over the mean of its contact, all the same by default.
 
         Raises ``ValueError`` for wrong shapes or resistances that aren't positive, ``LinAlgError`` where the
         conductivity isn't positive.
@@ -131,9 +155,13 @@ class SheetModel:
         if not (resistance > 0).all():
             raise ValueError("contact resistances must be positive")
         conductivity = self._checked(conductivity_s)
-        value = self._contact_map @ (1.0 / (resistance * self.electrode_size))
+        per_size = 1.0 / (resistance * self.electrode_size)
+        if share is None:
+            value = self._contact_map @ per_size
+        else:
+            value = self._cell_map @ (np.repeat(per_size, [len(c.cell) for c in self.contacts]) * share)
         self._matrices.add(value, np.arange(len(conductivity)), conductivity)
-        return Solution(self, conductivity, resistance, value, self.fronts.factor(value))
+        return Solution(self, conductivity, resistance, value, self.fronts.factor(value), share=share)
 
     def solve_again(self, conductivity_s: Array, base: Solution) -> Solution:
         """``solve`` with the contact resistances of ``base``; only what the elements that changed reach is done again.
@@ -151,12 +179,14 @@ class SheetModel:
     def solve_contacts(self, contact_resistance_ohm: Array, base: Solution) -> Solution:
         """``solve`` with the conductivity of ``base`` and other contact resistances (L,): only the pads' fronts again.
 
-        Raises ``ValueError`` for resistances that aren't positive.
+        Raises ``ValueError`` for resistances that aren't positive, or a base whose contacts are uneven.
         """
         resistance = np.broadcast_to(np.asarray(contact_resistance_ohm, dtype=float), (self.electrodes,))
         if not (resistance > 0).all():
             raise ValueError("contact resistances must be positive")
         base = base if base.origin is None else base.origin
+        if base.share is not None:
+            raise ValueError("uneven contacts can't be changed alone")
         if np.array_equal(resistance, base.contact_resistance_ohm):
             return base
         change = (1.0 / resistance - 1.0 / base.contact_resistance_ohm) / self.electrode_size
@@ -177,7 +207,9 @@ class SheetModel:
         value = self.fronts.entries_of(dirty, base.entries)
         self._matrices.add(value, elements, conductivity_s - base.conductivity_s[elements])
         factor = self.fronts.refactor(value, dirty, base.factor)
-        return Solution(self, conductivity_s, base.contact_resistance_ohm, value, factor, base, elements)
+        return Solution(
+            self, conductivity_s, base.contact_resistance_ohm, value, factor, base, elements, share=base.share
+        )
 
     def asked_at(self, elements: Indices) -> NDArray[np.bool_]:
         """The fronts to pass back through for potentials in some elements and on the electrodes; see
@@ -195,17 +227,30 @@ class SheetModel:
             raise ValueError(f"conductivity has shape {conductivity.shape}; expected {scalar} or {(*scalar, 3)}")
         return conductivity
 
-    def contact_losses(self, potential: Array) -> Array:
-        """(L,k,k) int_l (u_i - U_i)(u_j - U_j) over each electrode, for unit potentials on one electrode at a time.
+    def contact_losses(self, potential: Array, share: Array | None = None) -> Array:
+        """(L,k,k) int_l (u_i - U_i)(u_j - U_j) over each electrode, for unit potentials on one electrode at a time,
+        weighted by what its cells conduct (C,).
 
         ``potential`` (N,L): the fields of unit potential on each electrode, as ``Solution.potential``.
         """
         losses = np.empty((self.electrodes, self.electrodes, self.electrodes))
-        for k, contact in enumerate(self.contacts):
-            drop = potential[contact.nodes]
-            drop[:, k] -= 1.0
-            losses[k] = drop.T @ (contact.sparse_mass @ drop)
+        for k, (contact, mine) in enumerate(zip(self.contacts, self.cells, strict=True)):
+            drop = self._drop(potential, k)
+            even = share is None or (share[mine] == 1).all()
+            mass = contact.sparse_mass if share is None or even else contact.weighted_mass(share[mine])
+            losses[k] = drop.T @ (mass @ drop)
         return losses
+
+    def losses_by_form(self, potential: Array, electrodes: Indices) -> Array:
+        """(q,J,k,k) ``contact_losses`` of some ``electrodes`` (q,), weighted by each of their contacts' forms."""
+        drops = ((self.contacts[k], self._drop(potential, k)) for k in electrodes)
+        return np.array([[drop.T @ (mass @ drop) for mass in contact.form_masses] for contact, drop in drops])
+
+    def _drop(self, potential: Array, electrode: int) -> Array:
+        """(n,L) voltage from an electrode's nodes to it."""
+        drop = potential[self.contacts[electrode].nodes]
+        drop[:, electrode] -= 1.0
+        return np.asarray(drop)
 
     def contact_response(self, conductivity_s: Array, contact_resistance_ohm: Array, load: Array) -> Array:
         """(N,k) potentials that nodal currents ``load`` (N,k) drive with every electrode held at zero."""
@@ -218,7 +263,8 @@ class Solution:
 
     ``entries``: the matrix's entries; ``factor``: what was eliminated. A solution in part has an ``origin``, whose
     conductivity, entries and fronts hold where nothing changed; ``given_s`` is then the conductivity of ``elements``.
-    Where fronts are ``asked`` for, the potential is nought elsewhere.
+    Where fronts are ``asked`` for, the potential is nought elsewhere. ``share`` (C,) of the contacts' cells, None where
+    all conduct alike.
     """
 
     model: SheetModel
@@ -229,6 +275,7 @@ class Solution:
     origin: Solution | None = None
     elements: Indices | None = None
     asked: NDArray[np.bool_] | None = None
+    share: Array | None = None
 
     @cached_property
     def conductivity_s(self) -> Array:
@@ -305,9 +352,17 @@ class Solution:
 
     def jacobian_contact_resistance(self) -> Array:
         """(P,L) derivative of each pair resistance by each contact resistance, dimensionless."""
-        losses = self.model.contact_losses(self.potential)
+        losses = self.model.contact_losses(self.potential, self.share)
         per_ohm = losses / (self.contact_resistance_ohm**2 * self.model.electrode_size)[:, None, None]
         return pair_resistances(self.transfer_ohm @ per_ohm @ self.transfer_ohm).T
+
+    def jacobian_contact_lean(self, electrodes: Indices) -> Array:
+        """(P,q,J) derivative of each pair resistance by how the contacts of some ``electrodes`` (q,) lean (their
+        ``forms``), in ohm."""
+        losses = self.model.losses_by_form(self.potential, electrodes)
+        per_size = 1.0 / (self.contact_resistance_ohm * self.model.electrode_size)[electrodes]
+        by_form = self.transfer_ohm @ (losses * per_size[:, None, None, None]) @ self.transfer_ohm
+        return np.moveaxis(-pair_resistances(by_form), -1, 0)
 
 
 def transfer_of(conductance_s: Array) -> Array:

@@ -21,7 +21,7 @@ STRAIGHT = 1e-6
 
 @dataclass(frozen=True)
 class ContactPressureDependence(ElectrodeEffect):
-    """Contact resistance over (1 + bend sensitivity q)^(1/bend), q the mean interface pressure on the electrode.
+    """Contact resistance over (1 + bend sensitivity q)^(1/bend), q the interface pressure at every spot of the contact.
 
     At ``bend`` 1 conductance grows in proportion to the load, at 2 with its root; towards 0 resistance falls
     exponentially. ``sensitivity_per_pa``, the relative fall at first, is neutral at 0. ``fixed_share`` of the
@@ -31,6 +31,7 @@ class ContactPressureDependence(ElectrodeEffect):
     name: ClassVar[str] = "contact_pressure_dependence"
     source: ClassVar[str] = "Holm, Electric Contacts (1967): constriction resistance as a power of the load"
     form_error: ClassVar[float] = 0.3
+    by_pressure: ClassVar[bool] = True
     hypothesis: ClassVar[Hypothesis] = Hypothesis((Axis.ELECTRODE, Axis.FORCE), (Signal.READINGS,), (Need.PRESSES,))
 
     sensitivity_per_pa: float = parameter("1/Pa", 0.0, 0.1, 0.0, 2e-5, "relative fall per pressure, at first")

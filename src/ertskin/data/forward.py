@@ -47,7 +47,7 @@ class PressForward:
             skin, (elements, points) = self.skin, self.skin.sheet.weight_m2.shape
             even = skin.resting_conductance_s.reshape(elements, points, *skin.resting_conductance_s.shape[1:])
             conductance = even * self._warmth.reshape(-1, *(1,) * (even.ndim - 1))
-            contacts = skin.contact_resistances_ohm(np.zeros(1), np.zeros((1, skin.sheet.electrodes)))[0]
+            contacts, _ = self._contacts(np.full((1, 2), np.nan), np.full(1, np.nan))
             self._rest = skin.sheet.solve(conductance, contacts)
         return self._rest
 
@@ -61,14 +61,14 @@ class PressForward:
             return self.rest
         elements, pressure = self._pressure_pa(place_m[touching], force_n[touching])
         conductance, model = self._pressed_conductance_s(elements, pressure), self.skin.sheet
-        contacts = self.rest.contact_resistance_ohm
+        contacts, share = self.rest.contact_resistance_ohm, None
         if self._contacts_respond:
-            contacts = self._contacts_ohm(place_m[None], np.where(touching, force_n, np.nan)[None])
+            contacts, share = self._contacts(place_m, np.where(touching, force_n, np.nan))
         if np.array_equal(contacts, self.rest.contact_resistance_ohm):
             return model.solve_part(elements, conductance, self.rest)
         sheet = self.rest.conductivity_s.copy()
         sheet[elements] = conductance
-        return model.solve(sheet, contacts)
+        return model.solve(sheet, contacts, share)
 
     def _pressure_pa(self, place_m: Array, force_n: Array) -> Spot:
         """Elements (n,) within reach of the contacts, and the pressure (n,Q) on them."""
@@ -122,5 +122,7 @@ class PressForward:
     def _contacts_respond(self) -> bool:
         return any(isinstance(effect, ElectrodeEffect) for effect in self.skin.effects)
 
-    def _contacts_ohm(self, place_m: Array, force_n: Array) -> Array:
-        return self.skin.contact_resistances_ohm(np.zeros(1), self.skin.pad_pressure_pa(place_m, force_n))[0]
+    def _contacts(self, place_m: Array, force_n: Array) -> tuple[Array, Array | None]:
+        """(L,) contact resistances in ohm under contacts (C,2), and what their cells conduct over the mean."""
+        ohm, share = self.skin.contacts(np.zeros(1), place_m[None], force_n[None])
+        return ohm[0], None if share is None else share[0]

@@ -441,7 +441,7 @@ class VoltageProblem:
         for patch in self.linear.patches:
             for k, state in enumerate(patch.states):
                 rows = patch.rows[patch.state_of == k]
-                result[rows] = state.contact * per_logarithm[rows, None]
+                result[rows] = state.by_ohm * per_logarithm[rows, None]
         # in single precision, as the fit keeps them
         return cast(Array, result)
 

@@ -37,6 +37,7 @@ from ertskin.physics.conduction.mesh import Grading
 from ertskin.physics.conduction.sheet import Resolution, SheetModel, Solution
 from ertskin.physics.effects.effect import (
     Effect,
+    ElectrodeEffect,
     FoamEffect,
     MotionEffect,
     SheetEffect,
@@ -145,7 +146,7 @@ class LinearSkin:
         self._points = skin.sheet.quadrature_m.reshape(-1, 2)
         self._sheet = SheetState.of(skin, self._points)
         self._rest = self._solve(self._rest_relative, skin.contact_resistance_ohm)
-        self._contacts_now = self._contact_ohm(skin, force_n) / self._drift(skin)[:, None]
+        self._contacts_now = self._contacts(skin, force_n, self._drift(skin))
         self.patches = self._build(progress or (lambda share, text: None))
         self._moments = self._at_moments(progress)
 
@@ -155,14 +156,16 @@ class LinearSkin:
     def _rest_relative(self) -> Array:
         return np.ones(len(self._points))
 
-    def _solve(self, relative: Array, contact_ohm: Array, base: Solution | None = None) -> Solution:
+    def _solve(
+        self, relative: Array, contact_ohm: Array, base: Solution | None = None, share: Array | None = None
+    ) -> Solution:
         """Solution for a relative conductance (E*Q,) of the sheet, the skin's own tensor and field included."""
         conductance = (relative * self._scale_s).reshape(self.skin.sheet.weight_m2.shape)
         if self._sheet.isotropic and base is not None and np.array_equal(base.contact_resistance_ohm, contact_ohm):
             if np.array_equal(conductance, base.conductivity_s):
                 return base
             return self.skin.sheet.solve_again(conductance, base)
-        return self.skin.sheet.solve(self._sheet.shaped(conductance), contact_ohm)
+        return self.skin.sheet.solve(self._sheet.shaped(conductance), contact_ohm, share)
 
     @cached_property
     def _scale_s(self) -> Array:
@@ -214,10 +217,10 @@ class LinearSkin:
         since = frames_since(np.asarray(~present.any(axis=1)), frames)
         past, since_air = (Past(known, np.searchsorted(known, frames)) for known in (visits, since))
         nobody, unknown = np.zeros(len(rows), dtype=np.intp), np.zeros((len(inside), 0), dtype=np.float32)
-        patch = Patch(rows, past, since_air, hats, inside, [], nobody, unknown)
+        touched = [within(contact.center_m, spots, reach).any() for contact in self.skin.sheet.contacts]
+        patch = Patch(rows, past, since_air, hats, inside, [], nobody, unknown, np.flatnonzero(touched))
         relative = self._relative(self.skin, self.force_n, patch)
-        contacts = self._contacts_now[rows]
-        state_of, leaders = followers(relative, contacts, self.skin.contact_resistance_ohm)
+        state_of, leaders = followers(relative, self._contacts_now[0][rows], self.skin.contact_resistance_ohm)
         per = self.skin.sheet.weight_m2.shape[1]
         points = (elements[:, None] * per + np.arange(per)).ravel()
         close = points[within(self._points[points], spots, reach)]
@@ -228,7 +231,12 @@ class LinearSkin:
         columns = hats.values(self._points[points])[inside].tocsc()
         states = [
             self._state(
-                self._pressed(close, values, contacts[k]).confined(asked), elements, points, columns, relative[k]
+                self._pressed(close, values, rows[k]).confined(asked),
+                elements,
+                points,
+                columns,
+                relative[k],
+                patch.leaning,
             )
             for k, values in zip(leaders, pressed, strict=True)
         ]
@@ -236,25 +244,46 @@ class LinearSkin:
         states = [replace(state, local=state.local @ directions) for state in states]
         return replace(patch, states=states, state_of=state_of, directions=directions)
 
-    def _pressed(self, close: Indices, relative: Array, contact_ohm: Array) -> Solution:
-        """The solution for ``relative`` conductances (n,) at the points ``close`` and contact resistances (L,), those
-        at rest unless they differ much."""
+    def _pressed(self, close: Indices, relative: Array, row: int) -> Solution:
+        """The solution for ``relative`` conductances (n,) at the points ``close`` and the contacts of a row, those at
+        rest unless they differ much."""
         sheet = self._rest_relative.copy()
         sheet[close] = relative
-        usual_ohm = self.skin.contact_resistance_ohm
-        if np.abs(contact_ohm / usual_ohm - 1).max() < NEAR_CONTACTS:
+        usual_ohm, (ohm, share) = self.skin.contact_resistance_ohm, self._contacts_now
+        if np.abs(ohm[row] / usual_ohm - 1).max() < NEAR_CONTACTS:
             return self._solve(sheet, usual_ohm, self._rest)
-        return self._solve(sheet, contact_ohm)
+        return self._solve(sheet, ohm[row], share=None if share is None else share[row])
 
-    def _state(self, solution: Solution, elements: Indices, points: Indices, hats: csc_array, relative: Array) -> State:
+    def _state(
+        self,
+        solution: Solution,
+        elements: Indices,
+        points: Indices,
+        hats: csc_array,
+        relative: Array,
+        leaning: Indices,
+    ) -> State:
         """A solution's scan and derivatives, by the conductance in the elements, whose points are ``points``, on the
-        patch's grid with its ``hats`` (G,n); ``relative`` (G,) the conductance there."""
+        patch's grid with its ``hats`` (G,n), ``relative`` (G,) the conductance there, and by how electrodes lean."""
+        ohm, by_ohm = solution.contact_resistance_ohm, solution.jacobian_contact_resistance()
+        forms = self.skin.sheet.contacts[0].forms.shape[1]
+        lean = np.zeros((len(leaning), forms))
+        if solution.share is not None:
+            model, share = self.skin.sheet, solution.share
+            lean = np.reshape([model.contacts[k].lean(share[model.cells[k]]) for k in leaning], lean.shape)
+        by_lean = np.zeros((len(by_ohm), 0, forms))
+        if len(leaning):
+            by_lean = solution.jacobian_contact_lean(leaning) / ohm[leaning, None]
+        by_contact = by_ohm.copy()
+        by_contact[:, leaning] -= (by_lean * lean).sum(axis=-1)
+        by_contact = np.hstack([by_contact, by_lean.reshape(len(by_ohm), -1)])
         return State(
             self.protocol.whitened(solution.pair_resistance_ohm),
             relative,
-            solution.contact_resistance_ohm,
+            np.append(ohm, ohm[leaning, None] * lean),
             self._by_size(solution, elements, hats, points),
-            self.protocol.whitened(solution.jacobian_contact_resistance().T).T,
+            self.protocol.whitened(by_contact.T).T,
+            self.protocol.whitened(by_ohm.T).T,
             self._rims.sensitivity(solution, self.protocol),
         )
 
@@ -461,7 +490,7 @@ class LinearSkin:
     def _still_scans(self, skin: Skin, force_n: Array) -> Array:
         result = np.empty((len(self.wanted), self.protocol.orthonormal.shape[1]))
         factor = skin.piezo.zero_ohm_sq / self.skin.piezo.zero_ohm_sq * self._drift(skin)
-        contacts = self._contact_ohm(skin, force_n) / factor[:, None]
+        contacts = self._contacts(skin, force_n, factor)
         moved = pad_shifts(skin) - pad_shifts(self.skin)
         self._memory(force_n).settle(skin)
         elsewhere = [part for part in (self._left_behind(skin, force_n), self._warmed(skin)) if part is not None]
@@ -469,7 +498,7 @@ class LinearSkin:
 
         def one(number: int) -> None:
             patch = self.patches[number]
-            scan = patch.scans(self._change_of(number, skin, force_n), contacts[patch.rows])
+            scan = patch.scans(self._change_of(number, skin, force_n), patch.contacts(*contacts, self.skin.sheet))
             if broad is not None:
                 scan += broad[number][patch.state_of]
             if moved.any():
@@ -498,7 +527,7 @@ class LinearSkin:
 
     def _still_law_columns(self, skin: Skin, force_n: Array, count: int) -> Array:
         result = np.zeros((len(self.wanted), self.protocol.orthonormal.shape[1], 1 + count))
-        contacts = self._contact_ohm(skin, force_n)
+        contacts, _ = self._contacts(skin, force_n)
         factor = skin.piezo.zero_ohm_sq / self.skin.piezo.zero_ohm_sq * self._drift(skin)
         result[..., 0] = self.still_scans(skin, force_n)
         left = self._left_behind_by_law(skin, force_n, count)
@@ -510,7 +539,7 @@ class LinearSkin:
                 mine = np.flatnonzero(patch.state_of == k)
                 rows = patch.rows[mine]
                 # Contacts that stay as they are, in ohm, are less against a sheet of more resistance.
-                result[rows, :, 0] -= contacts[rows] @ state.contact.T
+                result[rows, :, 0] -= contacts[rows] @ state.by_ohm.T
                 result[rows, :, 1:] = (by_law[mine] @ state.local.T).transpose(0, 2, 1)
 
         in_threads(one, range(len(self.patches)))
@@ -682,11 +711,20 @@ class LinearSkin:
 
     def contact_ohm(self, skin: Skin) -> Array:
         """(n,L) contact resistances in ohm under the forces of the wanted frames."""
-        return self._contact_ohm(skin, self.force_n)
+        return self._contacts(skin, self.force_n)[0]
 
-    def _contact_ohm(self, skin: Skin, force_n: Array) -> Array:
-        on_pads = skin.pad_pressure_pa(skin.contact_m(self.history.contact_m), force_n)
-        return skin.contact_resistances_ohm(self.history.time_s, on_pads)[self.wanted]
+    def _contacts(self, skin: Skin, force_n: Array, factor: Array | float = 1.0) -> tuple[Array, Array | None]:
+        """(n,L) contact resistances in ohm of the wanted frames over a ``factor`` (n,), and what their cells conduct
+        over the mean (n,C); None where neither this skin's contacts nor the linearised one's follow their pressure."""
+        ohm, share = skin.contacts(self.history.time_s, skin.contact_m(self.history.contact_m), force_n)
+        if share is None and self._uneven:
+            share = np.ones((len(ohm), self.skin.sheet.cells[-1].stop))
+        return ohm[self.wanted] / np.reshape(factor, (-1, 1)), None if share is None else share[self.wanted]
+
+    @cached_property
+    def _uneven(self) -> bool:
+        """Whether contacts of the linearised skin follow their pressure."""
+        return any(isinstance(effect, ElectrodeEffect) and effect.by_pressure for effect in self.skin.effects)
 
     def _drift(self, skin: Skin) -> Array:
         return skin.drift(self.history.time_s)[self.wanted]

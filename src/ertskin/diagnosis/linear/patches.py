@@ -10,6 +10,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from ertskin.diagnosis.linear.sensitivity import Hats
+from ertskin.physics.conduction.sheet import SheetModel
 from ertskin.physics.skin import Skin
 
 Array = NDArray[np.float64]
@@ -25,15 +26,17 @@ NEGLIGIBLE = 1e-5
 class State:
     """One solution: whitened scan (P,) in volt and its derivatives.
 
-    ``local`` (P,R) by the relative conductance in the patch's directions; ``contact`` (P,L) by the contact resistances,
-    volt per ohm; ``pads`` (P,L,2) by their shifts, volt per metre.
+    ``local`` (P,R) by the relative conductance in the patch's directions; ``contact`` (P,K) by the ``contacts`` (K,)
+    as ``Patch.contacts`` has them and ``by_ohm`` (P,L) by contact resistances alone, volt per ohm; ``pads`` (P,L,2) by
+    their shifts, volt per metre.
     """
 
     scan: Array
     relative: Array
-    contact_ohm: Array
+    contacts: Array
     local: NDArray[np.float32]
     contact: Array
+    by_ohm: Array
     pads: Array
 
 
@@ -51,7 +54,7 @@ class Patch:
 
     ``rows`` (m,) which of the wanted frames have these contacts; ``past`` what counts for memories there, ``since_air``
     the same where air clears them; ``grid_m`` (G,2); ``states`` the solutions and ``state_of`` (m,) which one each row
-    uses; ``directions`` (G,R) what of the grid their derivatives see.
+    uses; ``directions`` (G,R) what of the grid their derivatives see; ``leaning`` (q,) electrodes within reach.
     """
 
     rows: Indices
@@ -62,6 +65,7 @@ class Patch:
     states: list[State]
     state_of: Indices
     directions: NDArray[np.float32]
+    leaning: Indices
 
     @cached_property
     def grid_m(self) -> Array:
@@ -75,17 +79,27 @@ class Patch:
 
     @cached_property
     def together(self) -> tuple[Array, NDArray[np.float32], Array, Array]:
-        """The states' scans (S,P), derivatives ``local`` (S,P,R) and ``contact`` (S,P,L), and ``contact_ohm`` (S,L)."""
-        scan, local, contact, ohm = zip(
-            *((s.scan, s.local, s.contact, s.contact_ohm) for s in self.states), strict=True
-        )
-        return np.stack(scan), np.stack(local), np.stack(contact), np.stack(ohm)
+        """The states' scans (S,P), derivatives ``local`` (S,P,R) and ``contact`` (S,P,K), and ``contacts`` (S,K)."""
+        scan, local, contact, now = zip(*((s.scan, s.local, s.contact, s.contacts) for s in self.states), strict=True)
+        return np.stack(scan), np.stack(local), np.stack(contact), np.stack(now)
 
-    def scans(self, change: NDArray[np.float32], contacts_ohm: Array) -> Array:
+    def contacts(self, ohm: Array, share: Array | None, model: SheetModel) -> Array:
+        """(m,K) contacts of its rows: resistances, of all (n,L), and of the electrodes within reach these times how
+        they lean, with what all cells of the ``model``'s contacts conduct (n,C); the former alone where all are even.
+
+        So many ohm are what the current that flows anyway meets: the less a contact resists, the less its lean does.
+        """
+        mine = ohm[self.rows]
+        if share is None:
+            return mine
+        each = [mine[:, k, None] * model.contacts[k].lean(share[self.rows, model.cells[k]]) for k in self.leaning]
+        return np.hstack([mine, *each])
+
+    def scans(self, change: NDArray[np.float32], contacts: Array) -> Array:
         """(m,P) whitened scans for a change (m,R) of the conductance in the patch's directions from the states', and
-        contact resistances (m,L)."""
+        ``contacts`` (m,K)."""
         result = np.empty((len(self.rows), len(self.states[0].scan)))
-        _from_states(result, self.state_of, *self.together, change, contacts_ohm)
+        _from_states(result, self.state_of, *self.together, change, contacts)
         return result
 
     @cached_property
@@ -152,7 +166,8 @@ def memory_frames(contact_m: Array, force_n: Array, spots: Array, reach_m: float
 def followers(relative: Array, contacts: Array, usual: Array) -> tuple[Indices, list[int]]:
     """Which leader each row follows (n,), and the rows that lead.
 
-    By ``relative`` (n,G) conductance and ``contacts`` (n,L) in ohm, which are ``usual`` (L,) at rest.
+    By ``relative`` (n,G) conductance and ``contacts`` (n,L) in ohm, which are ``usual`` (L,) at rest; how uneven one is
+    hangs on how much less it resists.
     """
     if not relative.shape[1]:
         return np.zeros(len(relative), dtype=np.intp), [0]
@@ -173,15 +188,15 @@ def followers(relative: Array, contacts: Array, usual: Array) -> tuple[Indices, 
 
 
 @njit(cache=True, nogil=True, fastmath=True)
-def _from_states(result, state_of, scan, local, contact, contact_ohm, change, contacts_ohm):  # type: ignore[no-untyped-def]
+def _from_states(result, state_of, scan, local, contact, about, change, contacts):  # type: ignore[no-untyped-def]
     for row in range(len(result)):
         state = state_of[row]
-        apart = contacts_ohm[row] - contact_ohm[state]
+        apart = contacts[row] - about[state, : contacts.shape[1]]
         for p in range(result.shape[1]):
             by_place = np.float32(0.0)
             for k in range(change.shape[1]):
                 by_place += local[state, p, k] * change[row, k]
             total = scan[state, p] + by_place
-            for electrode in range(len(apart)):
-                total += contact[state, p, electrode] * apart[electrode]
+            for k in range(len(apart)):
+                total += contact[state, p, k] * apart[k]
             result[row, p] = total
