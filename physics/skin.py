@@ -172,18 +172,14 @@ class Skin:
         cells conducts over the mean of its contact (T,C); None for no contact that follows its pressure."""
         effects, model = _of(self.effects, ElectrodeEffect), self.sheet
         ohm = np.tile(np.asarray(self.contact_resistance_ohm, dtype=float), (len(time_s), 1))
-        if not effects:
+        for effect in effects:
+            if not effect.by_pressure:
+                ohm = effect.contact_resistance_ohm(ohm, np.zeros_like(ohm), time_s)
+        if not any(effect.by_pressure for effect in effects):
             return ohm, None
-        center_m = np.concatenate([contact.center_m for contact in model.contacts])
-        pressure = self.pressure_pa(center_m, contact_m, force_n)
-        on_each = list(zip(model.contacts, model.cells, strict=True))
-        mean = np.stack([pressure[:, mine] @ contact.cell_size / contact.size for contact, mine in on_each], axis=1)
-        steady = [effect for effect in effects if not effect.by_pressure]
-        ohm = reduce(lambda z, e: e.contact_resistance_ohm(z, mean, time_s), steady, ohm)
-        if len(steady) == len(effects):
-            return ohm, None
+        pressure = self.pressure_pa(np.concatenate([c.center_m for c in model.contacts]), contact_m, force_n)
         share = np.ones(pressure.shape)
-        for k, (contact, mine) in enumerate(on_each):
+        for k, (contact, mine) in enumerate(zip(model.contacts, model.cells, strict=True)):
             pressed = pressure[:, mine].any(axis=1)
             cells = np.repeat(ohm[pressed, k, None], mine.stop - mine.start, axis=1)
             for effect in effects:

@@ -1,0 +1,81 @@
+"""Contacts follow the pressure at every spot, and the linearised skin follows them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from small_skin import SMALL, small_law, small_sensor, two_presses
+
+from ertskin.diagnosis.linear.linear_skin import LinearSkin
+from ertskin.physics.effects.contact_drift import ContactDrift
+from ertskin.physics.effects.contact_pressure_dependence import ContactPressureDependence
+from ertskin.physics.effects.effect import Effect
+from ertskin.physics.history import History
+from ertskin.physics.protocol import Protocol, electrode_pairs
+from ertskin.physics.skin import Skin
+
+SCAN = Protocol.against_sink(electrode_pairs(6), 6, 1e-4)
+FOLLOWING = ContactPressureDependence(sensitivity_per_pa=3e-4, bend=0.5)
+
+
+@pytest.fixture(scope="module")
+def history() -> History:
+    return two_presses()
+
+
+def skin_with(*effects: Effect) -> Skin:
+    return Skin.build(small_sensor(), SCAN, small_law(), np.linspace(200.0, 900.0, 6), 9000.0, effects, SMALL)
+
+
+def beside(skin: Skin, electrode: int) -> np.ndarray:
+    """(1,1,2) a place two pads' widths beside an electrode, towards the middle of the sheet."""
+    center = skin.sheet.contacts[electrode].center_m.mean(axis=0)
+    inwards = skin.sensor.extent_m.mean(axis=0) - center
+    return (center + 5e-3 * inwards / np.linalg.norm(inwards))[None, None]
+
+
+def test_contacts_at_rest_are_as_they_are() -> None:
+    skin = skin_with(ContactDrift(2, (0.0, 40.0), (0.0, 20.0)), FOLLOWING)
+    ohm, share = skin.contacts(np.array([0.0, 40.0]), np.full((2, 1, 2), np.nan), np.full((2, 1), np.nan))
+    np.testing.assert_array_equal(ohm, skin.contact_resistance_ohm + np.outer([0.0, 20.0], np.eye(6)[2]))
+    assert share is not None
+    assert (share == 1).all()
+    assert (
+        skin_with(ContactDrift(2, (0.0,), (0.0,))).contacts(*(np.zeros(1), np.zeros((1, 1, 2)), np.ones((1, 1))))[1]
+        is None
+    )
+
+
+def test_a_contact_conducts_more_where_it_is_pressed_more() -> None:
+    skin = skin_with(FOLLOWING)
+    place_m, force_n = beside(skin, 1), np.array([[5.0]])
+    ohm, share = skin.contacts(np.zeros(1), place_m, force_n)
+    assert share is not None
+    contact, mine = skin.sheet.contacts[1], skin.sheet.cells[1]
+    pressure = skin.pressure_pa(contact.center_m, place_m, force_n)[0]
+    assert pressure.max() > 2 * pressure.min()
+    alone = FOLLOWING.contact_resistance_ohm(
+        np.full(pressure.shape, skin.contact_resistance_ohm[1]), pressure, np.zeros(1)
+    )
+    parallel = 1 / np.sum(contact.cell_size / contact.size / alone)
+    assert ohm[0, 1] == pytest.approx(parallel)
+    np.testing.assert_allclose(share[0, mine], parallel / alone)
+    assert share[0, mine] @ contact.cell_size / contact.size == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("changed", [{"sensitivity_per_pa": 4e-4}, {"bend": 0.8}], ids=str)
+def test_the_linearised_skin_follows_contacts_that_follow_their_pressure(
+    history: History, changed: dict[str, float]
+) -> None:
+    skin = skin_with(FOLLOWING)
+    contact_m = np.where(np.isfinite(history.contact_m), beside(skin, 1), np.nan)
+    near = replace(history, contact_m=contact_m)
+    force_n = np.nan_to_num(skin.force_n(near))
+    linear = LinearSkin(skin, near, force_n, np.arange(len(near)), None)
+    moved = replace(skin, effects=(FOLLOWING.changed(changed),))
+    before, after = (SCAN.whitened(one.pair_resistance_ohm(near, force_n)) for one in (skin, moved))
+    np.testing.assert_allclose(linear.scans(skin, force_n), before, atol=0.02 * np.abs(after - before).max())
+    change = linear.scans(moved, force_n) - linear.scans(skin, force_n)
+    np.testing.assert_allclose(change, after - before, atol=0.1 * np.abs(after - before).max())
