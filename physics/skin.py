@@ -169,7 +169,10 @@ class Skin:
 
     def contacts(self, time_s: Array, contact_m: Array, force_n: Array) -> tuple[Array, Array | None]:
         """(T,L) contact resistances in ohm under forces (T,P) at true positions (T,P,2), and what each of the contacts'
-        cells conducts over the mean of its contact (T,C); None for no contact that follows its pressure."""
+        cells conducts over the mean of its contact (T,C); None for no contact that follows its pressure.
+
+        What follows the pressure acts on contacts as the other effects leave them.
+        """
         effects, model = _of(self.effects, ElectrodeEffect), self.sheet
         ohm = np.tile(np.asarray(self.contact_resistance_ohm, dtype=float), (len(time_s), 1))
         for effect in effects:
@@ -202,7 +205,7 @@ class Skin:
         wanted = np.arange(len(history)) if wanted is None else wanted
         forces = self.known_force_n(history) if force_n is None else force_n
         contact = self.contact_m(history.contact_m)
-        contacts, share = self.contacts(history.time_s, contact, forces)
+        contacts, share = self.contacts(history.time_s[wanted], contact[wanted], forces[wanted])
         drift = self.drift(history.time_s)
         resting = self.resting_conductance_s
         drifted = None if self._tensor else DriftedSheets.of(self._resting, np.log(drift[wanted]))
@@ -220,8 +223,8 @@ class Skin:
                 if warmth is not None:
                     per_point = np.repeat(np.exp(warmth[row]), self.sheet.weight_m2.shape[1])
                     sheet *= per_point if sheet.ndim == 1 else per_point[:, None]
-                cells = None if share is None else share[wanted[row]]
-                result[row] = self._solved(sheet, contacts[wanted[row]], cells, drift[wanted[row]], drifted)
+                cells = None if share is None else share[row]
+                result[row] = self._solved(sheet, contacts[row], cells, drift[wanted[row]], drifted)
         return result
 
     def pressed_conductance_s(

@@ -15,8 +15,8 @@ from ertskin.physics.conduction.triangle import Space, edge_mass, triangle_mass
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
-TOLD = 1e-6
-"""Least part of a form that cells show beyond the forms before it."""
+SHOWN = 1e-6
+"""Least part of a form that cells must show beyond the forms before it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,16 +53,24 @@ class Contact:
         """Area in m² of a pad, length in m of an edge electrode."""
         return float(self.cell_size.sum())
 
+    @property
+    def form_count(self) -> int:
+        """J, the number of ``forms``."""
+        return 5 if self.is_pad else 2
+
     @cached_property
     def forms(self) -> Array:
         """(c,J) forms in which a contact may lean, what its cells conduct per area more than its mean: polynomials of
         second degree, mean nought and mean square one, J = 5 of a pad and 2 along an edge electrode; noughts for those
         that so few cells can't show.
 
-        Next to an indenter that makes one side of a pad conduct five times as well as the other (c013 of
-        `fourteenth16`) they leave a few hundredths of the noise, and the mean alone four times the noise.
+        Next to an indenter one side of a pad may conduct five times as well as the other: there they leave a few
+        hundredths of a 2 mV noise, and the mean alone four times the noise.
         """
-        apart = (self.center_m - self.center_m.mean(axis=0)) / np.ptp(self.center_m, axis=0).max()
+        found, width_m = np.zeros((len(self.cell), self.form_count)), np.ptp(self.center_m, axis=0).max()
+        if not width_m > 0:
+            return found
+        apart = (self.center_m - self.center_m.mean(axis=0)) / width_m
         if self.is_pad:
             x, y = apart.T
             monomials = np.stack([np.ones(len(x)), x, y, x**2, x * y, y**2], axis=1)
@@ -72,8 +80,8 @@ class Contact:
             monomials = np.stack([np.ones(len(x)), x, x**2], axis=1)
         weight = np.sqrt(self.cell_size / self.size)
         basis, triangle = np.linalg.qr(weight[:, None] * monomials)
-        size, found = np.diag(triangle)[1:], np.zeros((len(x), monomials.shape[1] - 1))
-        shown = np.flatnonzero(np.abs(size) > TOLD)
+        size = np.diag(triangle)[1:]
+        shown = np.flatnonzero(np.abs(size) > SHOWN)
         found[:, shown] = basis[:, 1 + shown] * np.sign(size[shown]) / weight[:, None]
         return found
 

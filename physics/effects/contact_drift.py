@@ -36,7 +36,7 @@ class ContactDrift(ElectrodeEffect):
     knot_s: tuple[float, ...] = (0.0,)
     ohm: tuple[float, ...] = (0.0,)
 
-    def contact_resistance_ohm(self, resistance_ohm: Array, pad_pressure_pa: Array, time_s: Array) -> Array:
+    def contact_resistance_ohm(self, resistance_ohm: Array, pressure_pa: Array, time_s: Array) -> Array:
         drifted = resistance_ohm.copy()
         drifted[:, self.electrode] += np.interp(time_s, self.knot_s, self.ohm)
         return np.maximum(drifted, LEAST_OHM)

@@ -38,8 +38,8 @@ class ContactPressureDependence(ElectrodeEffect):
     bend: float = parameter("1", 0.0, 10.0, 1.0, 0.2, "one over the power of the load", defining=False)
     fixed_share: float = parameter("1", 0.0, 0.95, 0.0, 0.05, "part of the resistance no load takes", defining=False)
 
-    def contact_resistance_ohm(self, resistance_ohm: Array, pad_pressure_pa: Array, time_s: Array) -> Array:
-        load = self.sensitivity_per_pa * np.maximum(pad_pressure_pa, 0.0)
+    def contact_resistance_ohm(self, resistance_ohm: Array, pressure_pa: Array, time_s: Array) -> Array:
+        load = self.sensitivity_per_pa * np.maximum(pressure_pa, 0.0)
         pressed = np.exp(-load) if self.bend < STRAIGHT else (1 + self.bend * load) ** (-1 / self.bend)
         kept = self.fixed_share + (1 - self.fixed_share) * pressed
         return np.asarray(np.maximum(resistance_ohm * kept, np.minimum(resistance_ohm, LEAST_OHM)))

@@ -330,7 +330,7 @@ class ElectrodeEffect(Effect):
     """Whether every spot of a contact follows the pressure there: ``contact_resistance_ohm`` then takes pressures and
     resistances of any one shape, those of spots as if each had the whole contact's size. Others meet no pressure."""
 
-    def contact_resistance_ohm(self, resistance_ohm: Array, pad_pressure_pa: Array, time_s: Array) -> Array:
+    def contact_resistance_ohm(self, resistance_ohm: Array, pressure_pa: Array, time_s: Array) -> Array:
         """(T,L) ohm, from contact resistances (T,L) and interface pressures on them (T,L) over times (T,)."""
         return resistance_ohm
 

@@ -116,8 +116,8 @@ def _for_simulation(
     report: Report,
 ) -> Findings:
     """The findings, of which what is handed on is fitted to all presses where they are few, and chosen from all of
-    them, beginning with what was found, where they are very few. What spoils predictions isn't
-    looked for again, unless it is told place by place, which predicts nothing."""
+    them, beginning with what was found, where they are very few, or by a ``selector`` of fields of its own. What spoils
+    predictions isn't looked for again, unless it is told place by place, which predicts nothing."""
     everything, presses = all_fitted(evidence)
     spoilt = findings.diagnosis.spoilt and not any(claim.by_place for claim in findings.diagnosis.claims)
     nothing = spoilt or (presses >= FEW and not selection.after.effects)
@@ -125,12 +125,13 @@ def _for_simulation(
         return findings
     report(0.94, "fitting all presses, which are few, for what is handed on")
     field = any(term.modes is not None for term in selection.after.terms)
-    if presses < FEW or (field and selector is not select):
+    anew = presses < FEW or (field and selector is not select)
+    if anew:
         begun = [(term, chosen.rivals) for term, chosen in selection.found if term.modes is None]
         again = partial(_selected, evidence, baseline, family, everything, selector, _silent, begun)
     else:
         again = partial(_fitted_to, everything, evidence, baseline, family, selection)
-    return with_fields_of_all_presses(_handing_on(findings, again), family)
+    return with_fields_of_all_presses(_handing_on(findings, again, anew), family)
 
 
 def _fitted_to(
@@ -153,8 +154,9 @@ def _fitted_to(
     return replace(selection, after=after, problem=problem)
 
 
-def _handing_on(findings: Findings, choose: Callable[[], Selection]) -> Findings:
-    """The findings, of which effects and calibration of a fit to all presses, as ``choose`` makes it, are handed on.
+def _handing_on(findings: Findings, choose: Callable[[], Selection], anew: bool) -> Findings:
+    """The findings, of which effects and calibration of a fit to all presses, as ``choose`` makes it, are handed on;
+    where they were chosen ``anew``, whether claimed or not.
 
     Claims stay those judged by presses held out.
     """
@@ -166,9 +168,8 @@ def _handing_on(findings: Findings, choose: Callable[[], Selection]) -> Findings
         return replace(findings, diagnosis=_saying(diagnosis, said))
     limits = _measured_limits(findings)
     # Fitted again are also terms too unsure to be claimed; chosen again, what is there stands by itself.
-    chosen = findings.selection is None or whole.chosen is not findings.selection.chosen
     claimed = {claim.effect.name for claim in diagnosis.claims}
-    effects = (*(effect for effect in whole.after.effects if chosen or effect.name in claimed), *limits)
+    effects = (*(effect for effect in whole.after.effects if anew or effect.name in claimed), *limits)
     names = ", ".join(dict.fromkeys(effect.name for effect in effects)) or "no effect"
     said = f"presses are few: handed on is what all of them show together ({names})"
     return replace(findings, whole=whole, diagnosis=replace(_saying(diagnosis, said), of_all_presses=effects))

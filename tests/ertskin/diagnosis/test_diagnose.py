@@ -123,7 +123,7 @@ def test_few_presses_that_can_not_be_fitted_together_hand_on_what_was_claimed() 
     def choose() -> Selection:
         raise MeshError("no such sheet")
 
-    found = skin._handing_on(claimed, choose)
+    found = skin._handing_on(claimed, choose, anew=False)
     assert found.whole is None
     assert found.diagnosis.of_all_presses is None
     assert found.diagnosis.reason == (
@@ -157,7 +157,7 @@ def test_what_is_handed_on_is_chosen_or_fitted_by_how_many_presses_there_are(
 
     monkeypatch.setattr(skin, "_selected", selected)
     monkeypatch.setattr(skin, "_fitted_to", lambda *_: "fitted")
-    monkeypatch.setattr(skin, "_handing_on", lambda findings, choose: choose())
+    monkeypatch.setattr(skin, "_handing_on", lambda findings, choose, anew: choose())
     monkeypatch.setattr(skin, "with_fields_of_all_presses", lambda whole, family: whole)
     claims = (Claim(PiezoInhomogeneity(amplitude=0.1), 0.9, 2.0, {}, by_place=by_place),)
     found = Findings(Diagnosis("some.h5", "explained", HeldOut("split", 1e-3, 3.0, 1.0, 0.0), claims=claims))
@@ -181,7 +181,7 @@ def test_a_limit_is_handed_on_once_whether_it_was_fitted_or_measured(saturated_v
     found = replace(found, evidence=SimpleNamespace(saturated_v=saturated_v))  # type: ignore[arg-type]
     fitted = () if saturated_v is not None else (limit,)
     whole = SimpleNamespace(chosen=(), after=SimpleNamespace(effects=fitted))
-    assert skin._handing_on(found, lambda: whole).diagnosis.of_all_presses == (limit,)  # type: ignore[arg-type, return-value]
+    assert skin._handing_on(found, lambda: whole, anew=False).diagnosis.of_all_presses == (limit,)  # type: ignore[arg-type, return-value]
 
 
 def named_and_predicting(found: Diagnosis, name: str) -> None:

@@ -150,3 +150,10 @@ def test_too_few_cells_show_no_form_they_do_not_hold() -> None:
     assert two.forms.shape == (2, 5)
     assert np.isfinite(two.forms).all()
     assert np.count_nonzero(np.abs(two.forms).max(axis=0)) == 1
+
+
+def test_a_contact_of_one_cell_does_not_lean() -> None:
+    for is_pad, nodes in ((True, 3), (False, 2)):
+        one = Contact(np.arange(nodes)[None], np.ones((1, nodes, nodes)), np.array([1e-6]), np.zeros((1, 2)), is_pad)
+        assert not one.forms.any()
+        assert one.forms.shape == (1, one.form_count)

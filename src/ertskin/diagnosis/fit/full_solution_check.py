@@ -33,8 +33,8 @@ it by 0.05 and 0.14 (``c026`` of ``eighth32``, ``known_piezo_hysteresis``)."""
 @dataclass(frozen=True, eq=False)
 class CheckedFit:
     """A fit and the problem it was made with. On a few frames solved in full: ``misfit`` of the fit and ``off``, by how
-    much the linearised skin differs from the whole one, both rms over noise. ``freed``: the fit of which forms
-    were freed and none was better, if it is this one."""
+    much the linearised skin differs from the whole one, both rms over noise. ``freed`` is the same
+    fit once its forms were freed and none held and was better."""
 
     problem: VoltageProblem
     solved: Solved

@@ -434,16 +434,11 @@ class VoltageProblem:
 
     def contact_columns(self, skin: Skin) -> Array:
         """(T,P,L) change of the scans per unit logarithm of each contact resistance, in units of the noise."""
-        result = np.zeros((*self.evidence.scan_v.shape, len(skin.contact_resistance_ohm)), dtype=np.float32)
         scaled = replace(skin, contact_resistance_ohm=np.exp(CONTACT_STEP) * skin.contact_resistance_ohm)
-        change_ohm = self.linear.contact_ohm(scaled) - self.linear.contact_ohm(skin)
-        per_logarithm = np.where(self.weight[:, None] > 0, change_ohm / (CONTACT_STEP * self.evidence.noise_v), 0.0)
-        for patch in self.linear.patches:
-            for k, state in enumerate(patch.states):
-                rows = patch.rows[patch.state_of == k]
-                result[rows] = state.by_ohm * per_logarithm[rows, None]
+        per_logarithm = np.where(self.weight > 0, 1.0 / (CONTACT_STEP * self.evidence.noise_v), 0.0)
         # in single precision, as the fit keeps them
-        return cast(Array, result)
+        columns = self.linear.contact_columns(skin, scaled) * per_logarithm[:, None, None].astype(np.float32)
+        return cast(Array, columns)
 
     def _through(self, skin: Skin, columns: Array) -> Array:
         """Columns (T,P,n) of scans as the instrument makes them."""

@@ -266,7 +266,7 @@ class LinearSkin:
         """A solution's scan and derivatives, by the conductance in the elements, whose points are ``points``, on the
         patch's grid with its ``hats`` (G,n), ``relative`` (G,) the conductance there, and by how electrodes lean."""
         ohm, by_ohm = solution.contact_resistance_ohm, solution.jacobian_contact_resistance()
-        forms = self.skin.sheet.contacts[0].forms.shape[1]
+        forms = self.skin.sheet.contacts[0].form_count
         lean = np.zeros((len(leaning), forms))
         if solution.share is not None:
             model, share = self.skin.sheet, solution.share
@@ -283,7 +283,6 @@ class LinearSkin:
             np.append(ohm, ohm[leaning, None] * lean),
             self._by_size(solution, elements, hats, points),
             self.protocol.whitened(by_contact.T).T,
-            self.protocol.whitened(by_ohm.T).T,
             self._rims.sensitivity(solution, self.protocol),
         )
 
@@ -527,7 +526,7 @@ class LinearSkin:
 
     def _still_law_columns(self, skin: Skin, force_n: Array, count: int) -> Array:
         result = np.zeros((len(self.wanted), self.protocol.orthonormal.shape[1], 1 + count))
-        contacts, _ = self._contacts(skin, force_n)
+        contacts = self._contacts(skin, force_n)
         factor = skin.piezo.zero_ohm_sq / self.skin.piezo.zero_ohm_sq * self._drift(skin)
         result[..., 0] = self.still_scans(skin, force_n)
         left = self._left_behind_by_law(skin, force_n, count)
@@ -535,11 +534,12 @@ class LinearSkin:
         def one(number: int) -> None:
             patch = self.patches[number]
             by_law = self._relative_by_law(skin, force_n, number, count) @ patch.directions
+            mine_ohm = patch.contacts(*contacts, self.skin.sheet)
             for k, state in enumerate(patch.states):
                 mine = np.flatnonzero(patch.state_of == k)
                 rows = patch.rows[mine]
                 # Contacts that stay as they are, in ohm, are less against a sheet of more resistance.
-                result[rows, :, 0] -= contacts[rows] @ state.by_ohm.T
+                result[rows, :, 0] -= mine_ohm[mine] @ state.contact[:, : mine_ohm.shape[1]].T
                 result[rows, :, 1:] = (by_law[mine] @ state.local.T).transpose(0, 2, 1)
 
         in_threads(one, range(len(self.patches)))
@@ -709,17 +709,25 @@ class LinearSkin:
         values = fields(position)
         return np.stack([onto @ (part[:, None] * values) for part in (after - before) / by])
 
-    def contact_ohm(self, skin: Skin) -> Array:
-        """(n,L) contact resistances in ohm under the forces of the wanted frames."""
-        return self._contacts(skin, self.force_n)[0]
+    def contact_columns(self, skin: Skin, scaled: Skin) -> NDArray[np.float32]:
+        """(n,P,L) change of the scans, electrode by electrode, by contacts as of ``scaled`` instead of ``skin``."""
+        before, after = (self._contacts(each, self.force_n) for each in (skin, scaled))
+        result = np.zeros((*self.wanted.shape, *self.patches[0].states[0].pads.shape[:2]), dtype=np.float32)
+        for patch in self.patches:
+            change = patch.contacts(*after, self.skin.sheet) - patch.contacts(*before, self.skin.sheet)
+            result[patch.rows] = patch.by_electrode(change)
+        return result
 
     def _contacts(self, skin: Skin, force_n: Array, factor: Array | float = 1.0) -> tuple[Array, Array | None]:
         """(n,L) contact resistances in ohm of the wanted frames over a ``factor`` (n,), and what their cells conduct
-        over the mean (n,C); None where neither this skin's contacts nor the linearised one's follow their pressure."""
-        ohm, share = skin.contacts(self.history.time_s, skin.contact_m(self.history.contact_m), force_n)
+        over the mean (n,C), those of the linearised skin's mesh; None where neither skin's follow their pressure."""
+        wanted, contact_m = self.wanted, skin.contact_m(self.history.contact_m)
+        # Another skin of the family may lie on the mesh of pads that nothing has moved.
+        meshed = replace(skin, sheet=self.skin.sheet)
+        ohm, share = meshed.contacts(self.history.time_s[wanted], contact_m[wanted], force_n[wanted])
         if share is None and self._uneven:
-            share = np.ones((len(ohm), self.skin.sheet.cells[-1].stop))
-        return ohm[self.wanted] / np.reshape(factor, (-1, 1)), None if share is None else share[self.wanted]
+            share = np.broadcast_to(1.0, (len(ohm), meshed.sheet.cells[-1].stop))
+        return ohm / np.reshape(factor, (-1, 1)), share
 
     @cached_property
     def _uneven(self) -> bool:

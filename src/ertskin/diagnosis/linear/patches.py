@@ -27,8 +27,7 @@ class State:
     """One solution: whitened scan (P,) in volt and its derivatives.
 
     ``local`` (P,R) by the relative conductance in the patch's directions; ``contact`` (P,K) by the ``contacts`` (K,)
-    as ``Patch.contacts`` has them and ``by_ohm`` (P,L) by contact resistances alone, volt per ohm; ``pads`` (P,L,2) by
-    their shifts, volt per metre.
+    as ``Patch.contacts`` has them, volt per ohm; ``pads`` (P,L,2) by their shifts, volt per metre.
     """
 
     scan: Array
@@ -36,7 +35,6 @@ class State:
     contacts: Array
     local: NDArray[np.float32]
     contact: Array
-    by_ohm: Array
     pads: Array
 
 
@@ -84,16 +82,29 @@ class Patch:
         return np.stack(scan), np.stack(local), np.stack(contact), np.stack(now)
 
     def contacts(self, ohm: Array, share: Array | None, model: SheetModel) -> Array:
-        """(m,K) contacts of its rows: resistances, of all (n,L), and of the electrodes within reach these times how
-        they lean, with what all cells of the ``model``'s contacts conduct (n,C); the former alone where all are even.
+        """(m,K) contacts of its rows, from those of all frames: their resistances (n,L), then for each electrode within
+        reach its resistance times how it leans (J,), from what the cells of the ``model``'s contacts conduct (n,C).
+        Resistances alone where every contact is even.
 
-        So many ohm are what the current that flows anyway meets: the less a contact resists, the less its lean does.
+        A current that flows anyway loses the less to a contact that leans the less that contact resists.
         """
         mine = ohm[self.rows]
         if share is None:
             return mine
         each = [mine[:, k, None] * model.contacts[k].lean(share[self.rows, model.cells[k]]) for k in self.leaning]
         return np.hstack([mine, *each])
+
+    def by_electrode(self, change_ohm: Array) -> NDArray[np.float32]:
+        """(m,P,L) what changes of its rows' ``contacts`` (m,K) do to the scans, electrode by electrode."""
+        electrodes = self.states[0].pads.shape[1]
+        result = np.zeros((len(self.rows), *self.states[0].pads.shape[:2]), dtype=np.float32)
+        of_lean = np.split(np.arange(electrodes, change_ohm.shape[1]), max(len(self.leaning), 1))
+        for number, state in enumerate(self.states):
+            mine = np.flatnonzero(self.state_of == number)
+            result[mine] = state.contact[:, :electrodes] * change_ohm[mine, None, :electrodes]
+            for k, columns in zip(self.leaning, of_lean, strict=False):
+                result[mine, :, k] += change_ohm[mine][:, columns] @ state.contact[:, columns].T
+        return result
 
     def scans(self, change: NDArray[np.float32], contacts: Array) -> Array:
         """(m,P) whitened scans for a change (m,R) of the conductance in the patch's directions from the states', and

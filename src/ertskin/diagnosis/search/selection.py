@@ -135,8 +135,8 @@ def select(
 def selected_again(
     selection: Selection, build: Problem, partitions: Sequence[Sequence[int]], report: Report
 ) -> Selection:
-    """The selection's terms fitted to the frames of ``build``: how far its fields spread is chosen anew, and what these
-    frames don't show goes.
+    """The selection's terms fitted to the frames of ``build``: fields spread otherwise where that foretells better,
+    those told place by place are told by these frames' places, and what these frames don't show goes.
 
     Raises ``MeshError`` where there is no such sheet.
     """
@@ -369,7 +369,9 @@ class _Search:
         """What was found, fields told place by place where these say more, fitted where the skin is solved in full."""
         problem, current = incumbent.problem, incumbent.solved
         if chosen:
-            chosen, incumbent = _with_fields_by_place(self.build, incumbent, chosen, self.partitions)
+            first = len(current.terms) - len(chosen)
+            lagging = (_with_lag(problem, current, first + k, one, self.partitions) for k, one in enumerate(chosen))
+            chosen, incumbent = _with_fields_by_place(self.build, incumbent, tuple(lagging), self.partitions)
             problem, current = _in_full(incumbent.problem, incumbent.solved)
         return Selection(before, current, chosen, problem, tuple(self.tried), specimen)
 
@@ -638,19 +640,20 @@ def _backward(
             at_rest = _lost_at_rest(problem, without, current)
             chosen.append(Chosen(term, loss, alone, stand.get(_key(term), ()), at_rest=at_rest))
         if dropped is None:
-            judged = (_with_lag(problem, current, fixed + k, one, partitions) for k, one in enumerate(chosen))
-            return tuple(judged), current
+            return tuple(chosen), current
         current = dropped[1]
 
 
 def _with_lag(
     problem: VoltageProblem, current: Solved, number: int, chosen: Chosen, partitions: Sequence[Sequence[int]]
 ) -> Chosen:
-    """The term of this ``number`` with what the fit loses where it follows presses at once."""
+    """The term of this ``number`` with what the fit, the specimen's included, loses where it follows presses at
+    once."""
     term = current.terms[number]
     at_once = term.effect.at_once(term.free)
     if at_once is None:
         return chosen
     terms = [*current.terms[:number], Term(at_once.effect, at_once.free), *current.terms[number + 1 :]]
-    static = problem.solve(terms, current.calibration, steps=5, leftover=current.leftover)
-    return replace(chosen, by_lag=gained(static, current, partitions, problem.evidence.criteria))
+    static = problem.solve(terms, current.calibration, leftover=current.leftover)
+    of_specimen = float(static.fit.quadratic.cost[-1] - current.fit.quadratic.cost[-1])
+    return replace(chosen, by_lag=gained(static, current, partitions, problem.evidence.criteria) + of_specimen)

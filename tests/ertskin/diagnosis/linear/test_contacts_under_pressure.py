@@ -8,10 +8,12 @@ import numpy as np
 import pytest
 from small_skin import SMALL, small_law, small_sensor, two_presses
 
+from ertskin.diagnosis.linear.calibration_vector import SHAPE, Calibration, SkinFamily
 from ertskin.diagnosis.linear.linear_skin import LinearSkin
 from ertskin.physics.effects.contact_drift import ContactDrift
 from ertskin.physics.effects.contact_pressure_dependence import ContactPressureDependence
 from ertskin.physics.effects.effect import Effect
+from ertskin.physics.effects.electrode_displacement import ElectrodeDisplacement
 from ertskin.physics.history import History
 from ertskin.physics.protocol import Protocol, electrode_pairs
 from ertskin.physics.skin import Skin
@@ -79,3 +81,41 @@ def test_the_linearised_skin_follows_contacts_that_follow_their_pressure(
     np.testing.assert_allclose(linear.scans(skin, force_n), before, atol=0.02 * np.abs(after - before).max())
     change = linear.scans(moved, force_n) - linear.scans(skin, force_n)
     np.testing.assert_allclose(change, after - before, atol=0.1 * np.abs(after - before).max())
+
+
+def test_contacts_of_another_mesh_are_read_on_the_linearised_skins(history: History) -> None:
+    """A pad out of place needs a mesh of its own; what is tried beside it comes from the family's."""
+    family = SkinFamily(skin_with(), SMALL)
+    moved = ElectrodeDisplacement(electrode=1, dx_m=4e-4, dy_m=-3e-4)
+    calibration = Calibration(small_law().zero_ohm_sq, np.linspace(200.0, 900.0, 6), 0.0, np.zeros(SHAPE))
+    about = family.remeshed(calibration, (moved,))
+    assert about.sheet is not family.skin(calibration, (moved,)).sheet
+    force_n = np.nan_to_num(about.force_n(history))
+    linear = LinearSkin(about, history, force_n, np.arange(len(history)), None)
+    mild = FOLLOWING.changed({"sensitivity_per_pa": 5e-5})
+    before, after = (
+        SCAN.whitened(family.remeshed(calibration, effects).pair_resistance_ohm(history, force_n))
+        for effects in ((moved,), (moved, mild))
+    )
+    asked = (family.skin(calibration, effects) for effects in ((moved, mild), (moved,)))
+    change = np.subtract(*(linear.scans(each, force_n) for each in asked))
+    np.testing.assert_allclose(change, after - before, atol=0.15 * np.abs(after - before).max())
+
+
+@pytest.mark.parametrize("about", [(), (FOLLOWING,)], ids=["even", "uneven"])
+def test_columns_by_contact_resistance_are_those_of_the_contacts_asked(
+    history: History, about: tuple[Effect, ...]
+) -> None:
+    linear = LinearSkin(skin_with(*about), history, np.full((len(history), 1), 3.0), np.arange(len(history)), None)
+    asked = skin_with(FOLLOWING.changed({"bend": 0.9}))
+
+    def scaled(electrode: int, by: float) -> Skin:
+        return replace(asked, contact_resistance_ohm=asked.contact_resistance_ohm * np.exp(by * np.eye(6)[electrode]))
+
+    columns = linear.contact_columns(
+        asked, replace(asked, contact_resistance_ohm=np.exp(1e-3) * asked.contact_resistance_ohm)
+    )
+    for electrode in range(6):
+        more, less = (linear.scans(scaled(electrode, by)) for by in (1e-3, -1e-3))
+        expected = 0.5 * (more - less)
+        np.testing.assert_allclose(columns[..., electrode], expected, atol=2e-3 * np.abs(expected).max() + 1e-9)
