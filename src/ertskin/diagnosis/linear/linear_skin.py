@@ -200,25 +200,11 @@ class LinearSkin:
         return in_threads(one, groups)
 
     def _patch(self, rows: Indices) -> Patch:
-        present = in_contact(self._contact, self.force_n)
-        frames = self.wanted[rows]
-        spots = self._contact[frames[0]][present[frames[0]]]
+        first = self.wanted[rows[0]]
+        spots = self._contact[first][in_contact(self._contact, self.force_n)[first]]
         reach = self.skin.pressure.radius_m(TAIL)
-        near = within(self._points, spots, reach)
-        elements = model_elements(self.skin.sheet, near)
-        if len(spots):
-            low = np.maximum(spots.min(axis=0) - reach, self.skin.sensor.extent_m[0])
-            high = np.minimum(spots.max(axis=0) + reach, self.skin.sensor.extent_m[1])
-        else:
-            low, high = self.skin.sensor.extent_m[0], self.skin.sensor.extent_m[0] + GRID_M
-        hats = Hats(low, high, GRID_M)
-        inside = np.flatnonzero(within(hats.node_m, spots, reach + 2 * GRID_M))
-        visits = memory_frames(self._contact, self.force_n, spots, reach)
-        since = frames_since(np.asarray(~present.any(axis=1)), frames)
-        past, since_air = (Past(known, np.searchsorted(known, frames)) for known in (visits, since))
-        nobody, unknown = np.zeros(len(rows), dtype=np.intp), np.zeros((len(inside), 0), dtype=np.float32)
-        touched = [within(contact.center_m, spots, reach).any() for contact in self.skin.sheet.contacts]
-        patch = Patch(rows, past, since_air, hats, inside, [], nobody, unknown, np.flatnonzero(touched))
+        patch = self._around(spots, rows, reach)
+        elements = model_elements(self.skin.sheet, within(self._points, spots, reach))
         relative = self._relative(self.skin, self.force_n, patch)
         state_of, leaders = followers(relative, self._contacts_now[0][rows], self.skin.contact_resistance_ohm)
         per = self.skin.sheet.weight_m2.shape[1]
@@ -228,21 +214,31 @@ class LinearSkin:
         led = Past(before.frames, before.own[leaders])
         pressed = self._relative_at(self.skin, self.force_n, self._points[close], led)
         asked = self.skin.sheet.asked_at(elements)
-        columns = hats.values(self._points[points])[inside].tocsc()
-        states = [
-            self._state(
-                self._pressed(close, values, rows[k]).confined(asked),
-                elements,
-                points,
-                columns,
-                relative[k],
-                patch.leaning,
-            )
+        columns = patch.hats.values(self._points[points])[patch.inside].tocsc()
+        solved = (
+            (self._pressed(close, values, rows[k]).confined(asked), relative[k])
             for k, values in zip(leaders, pressed, strict=True)
-        ]
+        )
+        states = [self._state(*each, elements, points, columns, patch.leaning) for each in solved]
         directions = main_directions(np.concatenate([state.local for state in states]), RANK)
         states = [replace(state, local=state.local @ directions) for state in states]
         return replace(patch, states=states, state_of=state_of, directions=directions)
+
+    def _around(self, spots: Array, rows: Indices, reach_m: float) -> Patch:
+        """The patch of rows that press the same spots (S,2), before anything is solved for it."""
+        low_m, high_m = self.skin.sensor.extent_m
+        low, high = low_m, low_m + GRID_M
+        if len(spots):
+            low = np.maximum(spots.min(axis=0) - reach_m, low_m)
+            high = np.minimum(spots.max(axis=0) + reach_m, high_m)
+        hats = Hats(low, high, GRID_M)
+        inside = np.flatnonzero(within(hats.node_m, spots, reach_m + 2 * GRID_M))
+        frames, in_air = self.wanted[rows], np.asarray(~in_contact(self._contact, self.force_n).any(axis=1))
+        visits, since = memory_frames(self._contact, self.force_n, spots, reach_m), frames_since(in_air, frames)
+        past, since_air = (Past(known, np.searchsorted(known, frames)) for known in (visits, since))
+        nobody, unknown = np.zeros(len(rows), dtype=np.intp), np.zeros((len(inside), 0), dtype=np.float32)
+        touched = [within(contact.center_m, spots, reach_m).any() for contact in self.skin.sheet.contacts]
+        return Patch(rows, past, since_air, hats, inside, [], nobody, unknown, np.flatnonzero(touched))
 
     def _pressed(self, close: Indices, relative: Array, row: int) -> Solution:
         """The solution for ``relative`` conductances (n,) at the points ``close`` and the contacts of a row, those at
@@ -257,34 +253,37 @@ class LinearSkin:
     def _state(
         self,
         solution: Solution,
+        relative: Array,
         elements: Indices,
         points: Indices,
         hats: csc_array,
-        relative: Array,
         leaning: Indices,
     ) -> State:
         """A solution's scan and derivatives, by the conductance in the elements, whose points are ``points``, on the
-        patch's grid with its ``hats`` (G,n), ``relative`` (G,) the conductance there, and by how electrodes lean."""
-        ohm, by_ohm = solution.contact_resistance_ohm, solution.jacobian_contact_resistance()
-        forms = self.skin.sheet.contacts[0].form_count
-        lean = np.zeros((len(leaning), forms))
-        if solution.share is not None:
-            model, share = self.skin.sheet, solution.share
-            lean = np.reshape([model.contacts[k].lean(share[model.cells[k]]) for k in leaning], lean.shape)
-        by_lean = np.zeros((len(by_ohm), 0, forms))
-        if len(leaning):
-            by_lean = solution.jacobian_contact_lean(leaning) / ohm[leaning, None]
-        by_contact = by_ohm.copy()
-        by_contact[:, leaning] -= (by_lean * lean).sum(axis=-1)
-        by_contact = np.hstack([by_contact, by_lean.reshape(len(by_ohm), -1)])
+        patch's grid with its ``hats`` (G,n), ``relative`` (G,) the conductance there, and by contacts of which some
+        may be ``leaning``."""
+        contacts, by_contact = self._by_contact(solution, leaning)
         return State(
             self.protocol.whitened(solution.pair_resistance_ohm),
             relative,
-            np.append(ohm, ohm[leaning, None] * lean),
+            contacts,
             self._by_size(solution, elements, hats, points),
             self.protocol.whitened(by_contact.T).T,
             self._rims.sensitivity(solution, self.protocol),
         )
+
+    def _by_contact(self, solution: Solution, leaning: Indices) -> tuple[Array, Array]:
+        """A solution's contacts (K,) as ``Patch.contacts`` has them, and the derivatives (P,K) of its pairs by them."""
+        model, ohm, share = self.skin.sheet, solution.contact_resistance_ohm, solution.share
+        by_ohm = solution.jacobian_contact_resistance()
+        if not len(leaning):
+            return ohm, by_ohm
+        lean = np.zeros((len(leaning), model.contacts[0].form_count))
+        if share is not None:
+            lean = np.array([model.contacts[k].lean(share[model.cells[k]]) for k in leaning])
+        by_lean = solution.jacobian_contact_lean(leaning) / ohm[leaning, None]
+        by_ohm[:, leaning] -= (by_lean * lean).sum(axis=-1)
+        return np.append(ohm, ohm[leaning, None] * lean), np.hstack([by_ohm, by_lean.reshape(len(by_ohm), -1)])
 
     # places not recovered --------------------------------------------------------------------------------------------
 
