@@ -37,7 +37,7 @@ class FoamSoftening(FoamEffect):
         "Miehe, Eur. J. Mech. A 14 (1995) 697: continuous damage"
     )
     order: ClassVar[int] = 1
-    form_error: ClassVar[float] = 0.08
+    form_error: ClassVar[float] = 0.16
     hypothesis: ClassVar[Hypothesis] = Hypothesis(
         (Axis.HISTORY, Axis.PLACE),
         (Signal.FORCE, Signal.COUPON),

@@ -39,6 +39,8 @@ STEP = 0.3
 """Standard errors by which parameters are moved to see what a quantity owes them."""
 SMOOTH = 0.2
 """Part of its size to which a quantity of a field given at nodes is supposed to be known: their errors aren't kept."""
+SHIFT = ("dx_m", "dy_m")
+"""Quantities that are the components of one shift."""
 UNITS = {"_v": "V", "_m": "m"}
 """By how a quantity's name ends; without one it is a ratio."""
 
@@ -199,10 +201,15 @@ def quantities(effect: Effect, standard: Standard, spread: Spread) -> dict[str, 
         slope = np.array([one.get(name, 0.0) for one in moved])
         error = max((float(np.sqrt(max(slope @ c @ slope, 0.0))) for c in spread.covariance), default=0.0)
         least = SMOOTH if getattr(effect, "nodes", ()) else effect.form_error
-        half = max(QUANTILE * error, least * abs(value))
+        half = max(QUANTILE * error, least * _size(values, name))
         if np.isfinite([value, half]).all():
             found[name] = Estimate(value, value - half, value + half, UNITS.get(name[-2:], "1"))
     return found
+
+
+def _size(values: dict[str, float], name: str) -> float:
+    """What a quantity's form error is a share of: of a shift's components the whole shift, however it is turned."""
+    return float(np.linalg.norm([values.get(key, 0.0) for key in (SHIFT if name in SHIFT else (name,))]))
 
 
 def field_map(effect: Effect, sensor: Sensor) -> FieldMap | None:

@@ -23,6 +23,7 @@ from ertskin.diagnosis.judge.quantities import (
 from ertskin.hardware.virtual.bench.nominal import nominal_sensor
 from ertskin.physics.effects.adc_saturation import AdcSaturation
 from ertskin.physics.effects.contact_drift import ContactDrift
+from ertskin.physics.effects.indenter_offset import IndenterOffset
 from ertskin.physics.effects.piezo_hysteresis import PiezoHysteresis
 from ertskin.physics.effects.piezo_inhomogeneity import PiezoInhomogeneity
 from ertskin.physics.effects.sheet_anisotropy import SheetAnisotropy
@@ -53,6 +54,13 @@ def test_the_wider_of_two_covariances_counts_and_none_is_narrower_than_a_form() 
     wide, wider, least = (e.high - e.value for e in half)
     assert wider == pytest.approx(3 * wide, rel=0.05)
     assert least == pytest.approx(PiezoHysteresis.form_error * half[2].value)
+
+
+def test_a_shift_is_known_to_a_part_of_all_of_it_in_each_direction() -> None:
+    standard, known = replace(STANDARD, pressed_m=SENSOR.taxel_m), Spread(("dx_m", "dy_m"), (np.zeros((2, 2)),))
+    found = quantities(IndenterOffset(dx_m=5e-4, dy_m=-8e-6), standard, known)
+    for key in ("dx_m", "dy_m"):
+        assert found[key].high - found[key].value == pytest.approx(IndenterOffset.form_error * 5e-4, rel=1e-3)
 
 
 def test_a_claim_states_its_map_in_the_sheet() -> None:
