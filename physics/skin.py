@@ -184,10 +184,13 @@ class Skin:
         share = np.ones(pressure.shape)
         for k, (contact, mine) in enumerate(zip(model.contacts, model.cells, strict=True)):
             pressed = pressure[:, mine].any(axis=1)
-            cells = np.repeat(ohm[pressed, k, None], mine.stop - mine.start, axis=1)
+            spots = pressure[pressed, mine]
+            mean = np.broadcast_to((spots @ contact.cell_size / contact.size)[:, None], spots.shape)
+            cells = np.repeat(ohm[pressed, k, None], spots.shape[1], axis=1)
             for effect in effects:
                 if effect.by_pressure:
-                    cells = effect.contact_resistance_ohm(cells, pressure[pressed, mine], time_s[pressed])
+                    felt = mean if getattr(effect, "evenly", False) else spots
+                    cells = effect.contact_resistance_ohm(cells, felt, time_s[pressed])
             ohm[pressed, k] = contact.size / ((1.0 / cells) @ contact.cell_size)
             share[pressed, mine] = ohm[pressed, k, None] / cells
         return ohm, share

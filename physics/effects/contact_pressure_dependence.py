@@ -23,6 +23,8 @@ STRAIGHT = 1e-6
 class ContactPressureDependence(ElectrodeEffect):
     """Contact resistance over (1 + bend sensitivity q)^(1/bend), q the interface pressure at every spot of the contact.
 
+    Where contacts are pressed ``evenly``, as under electrodes that are stiff, q is the mean over each.
+
     At ``bend`` 1 conductance grows in proportion to the load, at 2 with its root; towards 0 resistance falls
     exponentially. ``sensitivity_per_pa``, the relative fall at first, is neutral at 0. ``fixed_share`` of the
     resistance no load takes: that of the lead and of the current spreading in the pad.
@@ -37,6 +39,8 @@ class ContactPressureDependence(ElectrodeEffect):
     sensitivity_per_pa: float = parameter("1/Pa", 0.0, 0.1, 0.0, 2e-5, "relative fall per pressure, at first")
     bend: float = parameter("1", 0.0, 10.0, 1.0, 0.2, "one over the power of the load", defining=False)
     fixed_share: float = parameter("1", 0.0, 0.95, 0.0, 0.05, "part of the resistance no load takes", defining=False)
+    evenly: bool = False
+    """Whether the pressure on a contact is the same all over it."""
 
     def contact_resistance_ohm(self, resistance_ohm: Array, pressure_pa: Array, time_s: Array) -> Array:
         load = self.sensitivity_per_pa * np.maximum(pressure_pa, 0.0)
@@ -53,7 +57,11 @@ class ContactPressureDependence(ElectrodeEffect):
     @classmethod
     def reading_starts(cls, sensor: Sensor, protocol: Protocol) -> tuple[Start, ...]:
         """A contact can't get worse under pressure: each is screened as a whole."""
-        return tuple(Start(cls(sensitivity_per_pa=s), ("sensitivity_per_pa", "bend")) for s in (2e-5, 3e-4, 3e-3))
+        return tuple(
+            Start(cls(sensitivity_per_pa=s, evenly=evenly), ("sensitivity_per_pa", "bend"))
+            for evenly in (False, True)
+            for s in (2e-5, 3e-4, 3e-3)
+        )
 
     def freer(self, free: tuple[str, ...]) -> tuple[Start, ...]:
         if "fixed_share" in free:

@@ -9,7 +9,9 @@ from ertskin.diagnosis.fit.joint_fit import Term
 
 def form_of(term: Term) -> tuple[object, ...]:
     """What tells one form of an effect from another: what is free, its law, whether it is a smooth field."""
-    flags = (getattr(term.effect, flag, False) for flag in ("remembers_air", "multiplies", "ages", "by_steps"))
+    flags = (
+        getattr(term.effect, flag, False) for flag in ("remembers_air", "multiplies", "ages", "by_steps", "evenly")
+    )
     return term.free, *flags, term.modes is not None
 
 

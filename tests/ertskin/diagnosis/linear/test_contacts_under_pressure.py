@@ -67,6 +67,18 @@ def test_a_contact_conducts_more_where_it_is_pressed_more() -> None:
     assert share[0, mine] @ contact.cell_size / contact.size == pytest.approx(1.0)
 
 
+def test_a_contact_that_is_pressed_evenly_conducts_alike_all_over() -> None:
+    skin = skin_with(replace(FOLLOWING, evenly=True))
+    place_m, force_n = beside(skin, 1), np.array([[5.0]])
+    ohm, share = skin.contacts(np.zeros(1), place_m, force_n)
+    assert share is not None
+    np.testing.assert_allclose(share, 1.0, rtol=1e-12)
+    contact = skin.sheet.contacts[1]
+    mean = skin.pressure_pa(contact.center_m, place_m, force_n) @ contact.cell_size / contact.size
+    alone = FOLLOWING.contact_resistance_ohm(skin.contact_resistance_ohm[[1]], mean, np.zeros(1))
+    np.testing.assert_allclose(ohm[0, 1], alone)
+
+
 @pytest.mark.parametrize("changed", [{"sensitivity_per_pa": 4e-4}, {"bend": 0.8}], ids=str)
 def test_the_linearised_skin_follows_contacts_that_follow_their_pressure(
     history: History, changed: dict[str, float]
