@@ -327,8 +327,9 @@ class ElectrodeEffect(Effect):
 
     stage: ClassVar[Stage] = Stage.ELECTRODES
     by_pressure: ClassVar[bool] = False
-    """Whether every spot of a contact follows the pressure there: ``contact_resistance_ohm`` then takes pressures and
-    resistances of any one shape, those of spots as if each had the whole contact's size. Others meet no pressure."""
+    """Whether every spot of a contact follows the pressure there, or where a field ``evenly`` is set the mean on the
+    contact: ``contact_resistance_ohm`` then takes pressures and resistances of any one shape, those of spots as if each
+    had the whole contact's size. Others meet no pressure."""
 
     def contact_resistance_ohm(self, resistance_ohm: Array, pressure_pa: Array, time_s: Array) -> Array:
         """(T,L) ohm, from contact resistances (T,L) and interface pressures on them (T,L) over times (T,)."""

@@ -15,6 +15,8 @@ from ertskin.physics.effects.effect import Effect, Parameter, Stage
 
 LEVEL = 0.9
 QUANTILE = 1.645
+SAID = 0.01
+"""Confidence from which an alternative is said."""
 FORM = 0.02
 """Part of an effect's size that no interval is narrower than to either side: another form of the same effect moves its
 value by so much (a drift that settles by 1 %, a multiplexer that leaks twice by 1 to 3 %)."""
@@ -318,7 +320,7 @@ def confidences(
         best[name] = min(short, best.get(name, np.inf))
     weights = {name: float(np.exp(-max(short, 0.0) / criteria.evidence_discount)) for name, short in best.items()}
     total = 1.0 + sum(weights.values())
-    shared = tuple((n, w / total) for n, w in sorted(weights.items(), key=lambda i: -i[1]) if w / total > 0.01)
+    shared = tuple((n, w / total) for n, w in sorted(weights.items(), key=lambda i: -i[1]) if w / total > SAID)
     return min(1.0 / total, criteria.surest_confidence), shared
 
 

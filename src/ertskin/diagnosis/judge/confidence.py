@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ertskin.diagnosis.contract.claims import Claim, Reason
+from ertskin.diagnosis.contract.claims import SAID, Claim, Reason
 from ertskin.diagnosis.criteria import Criteria
 from ertskin.physics.effects.effect import Effect, Stage, shown_by
 from ertskin.physics.effects.hypothesis import Axis, Measured, Signal
@@ -22,9 +22,6 @@ of 21 below 0.95 had the right map, 9 of 11 above it: the likeliest power is 5.5
 
 AT_ONCE = "another static law"
 """What a memory's alternative without any lag is called."""
-
-SEEN = 0.01
-"""Confidence from which an alternative is said."""
 
 RATHER = 0.5
 """Confidence below which a map is rather wrong than right."""
@@ -88,7 +85,7 @@ def at_once(claims: Sequence[Claim], by_lag: Sequence[float | None], criteria: C
             continue
         share = 1 / (1 + float(np.exp((criteria.significant_gain - lost) / criteria.evidence_discount)))
         static = (1 - share) * claims[k].confidence
-        others = ((AT_ONCE, static),) if static > SEEN else ()
+        others = ((AT_ONCE, static),) if static > SAID else ()
         alternatives = (*claims[k].alternatives, *others)
         found[k] = replace(claims[k], confidence=share * claims[k].confidence, alternatives=alternatives)
     return found

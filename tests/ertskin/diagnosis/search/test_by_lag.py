@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+import numpy as np
 import pytest
 from small_problem import PARTITIONS, START, recorded
 
-from ertskin.diagnosis.fit.joint_fit import Term
+from ertskin.diagnosis.fit.joint_fit import Solved, Term, VoltageProblem
 from ertskin.diagnosis.search.selection import Chosen, _with_lag
 from ertskin.physics.effects.effect import Effect
 from ertskin.physics.effects.piezo_creep import PiezoCreep
@@ -29,6 +32,20 @@ def test_a_creep_that_lags_loses_much_where_it_follows_at_once() -> None:
 
 def test_a_creep_without_lag_loses_nothing() -> None:
     assert lost_at_once(QUICK, ("fraction", "time_s")) == pytest.approx(0.0, abs=3.0)
+
+
+def test_what_the_specimen_loses_counts_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    problem = recorded(QUICK)
+    solved = problem.solve([Term(QUICK, ("fraction", "time_s"))], START)
+
+    def worse_on_the_specimen(*given: object, **others: object) -> Solved:
+        quadratic = solved.fit.quadratic
+        cost = quadratic.cost + 40.0 * np.eye(len(quadratic.cost))[-1]
+        return replace(solved, fit=replace(solved.fit, quadratic=replace(quadratic, cost=cost)))
+
+    monkeypatch.setattr(VoltageProblem, "solve", worse_on_the_specimen)
+    found = _with_lag(problem, solved, 0, Chosen(solved.terms[0], 0.0, 1.0, ()), PARTITIONS)
+    assert found.by_lag == pytest.approx(40.0)
 
 
 @pytest.mark.parametrize(
