@@ -62,6 +62,7 @@ class AdcSaturation(AcquisitionEffect):
     order: ClassVar[int] = 2
     form_error: ClassVar[float] = 0.2
     linear: ClassVar[bool] = False
+    by_reading: ClassVar[bool] = True
     hypothesis: ClassVar[Hypothesis] = Hypothesis(
         (Axis.ELECTRODE,), (Signal.NONRECIPROCAL,), (), measured=Measured.READING_LIMIT
     )

@@ -7,8 +7,8 @@ from functools import lru_cache
 from typing import ClassVar
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 
 from ertskin.physics.effects.effect import AcquisitionEffect, Array, Start, parameter, parameters
 from ertskin.physics.effects.hypothesis import Axis, Hypothesis, Need, Signal
@@ -69,19 +69,10 @@ class Crosstalk(AcquisitionEffect):
 
     def distorted_v(self, voltage_v: Array, protocol: Protocol) -> Array:
         met = protocol.with_passed(voltage_v, self.driven_ohm) if self.passes else voltage_v
-        flat = met.reshape(*voltage_v.shape[:-2], -1)
-        mixed, kept = flat.copy(), np.tile(self._kept(protocol.shape[1]), protocol.shape[0])
-        if self.lasting == 0:
-            which, earlier, first = _keeping(protocol, self.before, self.begins == "carried", self.passes, kept)
-            found = flat[..., earlier]
-            if self.begins == "discharged":
-                found[..., first] = 0.0
-            mixed[..., which] += kept[which] * (found - flat[..., which])
-        else:
-            for run in _runs(protocol, self.before, self.begins == "carried", self.passes):
-                values = flat[..., run]
-                mixed[..., run] += kept[run] * (self._lasting(values) - values)
-        read = mixed.reshape(voltage_v.shape)
+        flat = np.ascontiguousarray(met, dtype=float).reshape(-1, protocol.taken.size)
+        order, ends = _runs(protocol, self.before, self.begins == "carried", self.passes)
+        kept = np.tile(self._kept(protocol.shape[1]), protocol.shape[0])
+        read = _mixed(flat, order, ends, kept, self.lasting, self.begins == "discharged").reshape(voltage_v.shape)
         return read if protocol.taken.all() else np.where(protocol.taken, read, voltage_v)
 
     def _kept(self, channels: int) -> Array:
@@ -92,13 +83,6 @@ class Crosstalk(AcquisitionEffect):
         if self.channel >= 0:
             kept[np.arange(channels) != self.channel] = 0.0
         return kept + (np.array(self.shares) if self.shares else 0.0)
-
-    def _lasting(self, values: Array) -> Array:
-        """(...,n) what each of readings (...,n) in turn finds."""
-        first = np.zeros_like(values[..., :1]) if self.begins == "discharged" else values[..., :1]
-        last = self.lasting
-        later, _ = lfilter([1 - last], [1.0, -last], values[..., :-1], axis=-1, zi=last * first)
-        return np.concatenate([first, later], axis=-1)
 
     def quantities(self, standard: Standard) -> dict[str, float]:
         """What is kept of the reading before, where all channels do: mean over channels."""
@@ -137,35 +121,33 @@ class Crosstalk(AcquisitionEffect):
         return tuple(found)
 
 
-def _keeping(
-    protocol: Protocol, before: str, carried: bool, passes: bool, kept: Array
-) -> tuple[NDArray[np.intp] | slice, NDArray[np.intp], NDArray[np.bool_]]:
-    """Which readings keep something, the reading (n,) before each of them, and whether none is: then it is its own."""
-    earlier = _earlier(protocol, before, carried, passes)
-    first = earlier == np.arange(len(earlier))
-    if kept.all():
-        return slice(None), earlier, first
-    which = np.flatnonzero(kept)
-    return which, earlier[which], first[which]
-
-
 @lru_cache(maxsize=16)
-def _earlier(protocol: Protocol, before: str, carried: bool, passes: bool) -> NDArray[np.intp]:
-    """(K*M,) the number of the reading before each in its run, its own where there is none."""
-    found = np.arange(protocol.taken.size)
-    for run in _runs(protocol, before, carried, passes):
-        found[run[:, 1:]] = run[:, :-1]
-    return found
-
-
-@lru_cache(maxsize=16)
-def _runs(protocol: Protocol, before: str, carried: bool, passes: bool) -> list[NDArray[np.intp]]:
-    """Readings (r,n) by their numbers, those of a row taken or passed one after the other; rows of every length."""
+def _runs(protocol: Protocol, before: str, carried: bool, passes: bool) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Readings by their numbers (n,), taken or passed one after the other, and where each run of them ends (r,)."""
     number = np.arange(protocol.taken.size).reshape(protocol.shape)
     met = np.ones_like(protocol.taken) if passes else protocol.taken
     if before == "channel":
-        rows = [number[met]] if carried else [number[k][met[k]] for k in range(len(number))]
+        runs = [number[met]] if carried else [number[k][met[k]] for k in range(len(number))]
     else:
-        rows = [number[met[:, m], m] for m in range(protocol.shape[1])]
-    lengths = sorted({len(row) for row in rows} - {0})
-    return [np.array([row for row in rows if len(row) == length]) for length in lengths]
+        runs = [number[met[:, m], m] for m in range(protocol.shape[1])]
+    return np.concatenate(runs), np.cumsum([len(run) for run in runs])
+
+
+@njit(cache=True, nogil=True)
+def _mixed(flat, order, ends, kept, lasting, discharged):  # type: ignore[no-untyped-def]
+    """Readings (T,N) of which each is by the part ``kept`` (N,) what it found: the first of a run itself, or nothing
+    where it is ``discharged``, others what is left of the one before."""
+    mixed = flat.copy()
+    for t in range(len(flat)):
+        begin = 0
+        for end in ends:
+            found = 0.0
+            for k in range(begin, end):
+                value = flat[t, order[k]]
+                if k > begin:
+                    found = lasting * found + (1 - lasting) * flat[t, order[k - 1]]
+                elif not discharged:
+                    found = value
+                mixed[t, order[k]] += kept[order[k]] * (found - value)
+            begin = end
+    return mixed

@@ -347,11 +347,13 @@ class ElectrodeEffect(Effect):
 
 @dataclass(frozen=True)
 class AcquisitionEffect(Effect):
-    """An effect of the instrument, on the readings; ``linear`` where twice the readings read twice, offsets apart."""
+    """An effect of the instrument, on the readings; ``linear`` where twice the readings read twice, offsets apart,
+    ``by_reading`` where it is the same for all and at all times, so that readings of any shape will do."""
 
     stage: ClassVar[Stage] = Stage.ACQUISITION
     order: ClassVar[int] = 0
     linear: ClassVar[bool] = True
+    by_reading: ClassVar[bool] = False
 
     def distorted_v(self, voltage_v: Array, protocol: Protocol) -> Array:
         """(T,K,M) what the instrument says of readings (T,K,M) in volt."""

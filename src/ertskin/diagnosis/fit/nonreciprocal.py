@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from functools import cached_property, reduce
+from itertools import accumulate, pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -93,9 +94,34 @@ class AcquisitionSignal:
     def _changes(self, readings: Array, skin: Skin, moved: Sequence[Skin], time_s: Array) -> Iterator[Array]:
         """(n,K*M) what the instrument of each of the ``moved`` skins makes of a network's readings (n,K,M) at times
         (n,), less what the skin's own makes of them."""
-        own = self._as_read(readings, instruments(skin.effects), time_s)
+        effects, protocol = instruments(skin.effects), self.evidence.protocol
+        read = list(accumulate(effects, lambda done, one: one.read_v(done, protocol, time_s), initial=readings))
         for other in moved:
-            yield (self._as_read(readings, instruments(other.effects), time_s) - own).reshape(len(readings), -1)
+            done = readings
+            for (before, after), own, effect in zip(pairwise(read), effects, instruments(other.effects), strict=True):
+                done = self._read_anew(done, before, after, own, effect, time_s)
+            yield (done - read[-1]).reshape(len(readings), -1)
+
+    def _read_anew(
+        self,
+        moved: Array,
+        before: Array,
+        after: Array,
+        own: AcquisitionEffect,
+        effect: AcquisitionEffect,
+        time_s: Array,
+    ) -> Array:
+        """(n,K,M) what an ``effect`` makes of ``moved`` readings, where its ``own`` form makes ``after`` of those
+        ``before``: only what differs is read anew, if it can be."""
+        if effect != own:
+            return effect.read_v(moved, self.evidence.protocol, time_s)
+        if moved is before:
+            return after
+        if not effect.by_reading:
+            return effect.read_v(moved, self.evidence.protocol, time_s)
+        differs, found = moved != before, after.copy()
+        found[differs] = effect.distorted_v(moved[differs], self.evidence.protocol)
+        return found
 
     def on_columns(self, skin: Skin) -> Array | None:
         """(P,P) what the instrument makes of a change of whitened scans, None where it leaves them alone.

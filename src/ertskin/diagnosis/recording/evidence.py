@@ -35,6 +35,8 @@ LEAST_SIGNAL = 5.0
 FEWEST_RESTS = 4
 ALIKE, OFTEN = 3.0, 0.05
 """Up to which a reading taken for a spike may be one: times what it is usually off by, and part of the frames."""
+MOSTLY = 0.5
+"""Part of the frames in which a reading is lost, from which on it isn't used in any."""
 FEWEST_SHORT, LARGE, FLAT, SURELY = 2, 0.1, 0.2, 3.0
 """A converter that bends softly: fewest readings short in most rest frames, part of the readings, the largest,
 among which they lie, least part by which they differ of what they should differ by, and above it by how many standard
@@ -139,6 +141,9 @@ def gather(recording: Recording, criteria: Criteria = DEFAULT) -> Evidence:
     fitted = (scan @ protocol.orthonormal.T).reshape(voltage.shape)
     if limit is None and bent:
         limit = _bent_level_v(voltage, fitted, spike)
+    if limit is not None:
+        protocol, voltage, scan, spike = _without_lost(protocol, voltage, scan, spike)
+        fitted = (scan @ protocol.orthonormal.T).reshape(voltage.shape)
     leftover = np.where(spike | ~np.isfinite(voltage), 0.0, voltage - fitted)
     freedom = leftover_freedom(protocol, np.isfinite(voltage).mean(axis=0) > 0.5)
     noise_v = _noise_v(protocol, scan, leftover / np.sqrt(np.maximum(freedom, LEAST_FREEDOM)), spike, rest)
@@ -259,6 +264,22 @@ def _determined(protocol: Protocol, missing: NDArray[np.bool_]) -> NDArray[np.bo
     return held[of.ravel()]
 
 
+def _without_lost(
+    protocol: Protocol, voltage: Array, scan: Array, spike: NDArray[np.bool_]
+) -> tuple[Protocol, Array, Array, NDArray[np.bool_]]:
+    """Protocol, readings, scans and spikes without the readings that are lost in most frames, as those at a limit are.
+
+    Left in with what the others say in their place, they make the noise of the scan's numbers uneven. They stay where
+    they alone tell of something.
+    """
+    lost = ((spike | ~np.isfinite(voltage)).mean(axis=0) > MOSTLY) & protocol.taken
+    if not lost.any() or not tells_all(protocol.orthonormal, lost.ravel()):
+        return protocol, voltage, scan, spike
+    fewer = replace(protocol, measured=protocol.taken & ~lost)
+    told_v = fewer.gapped(voltage)
+    return fewer, told_v, *despiked(fewer, told_v)
+
+
 def leftover_freedom(protocol: Protocol, present: NDArray[np.bool_]) -> Array:
     """(K,M) part of a reading's noise variance that a network's fit leaves, where only some readings are ``present``.
 
@@ -366,12 +387,14 @@ def _bent_from(fitted: Array, spike: NDArray[np.bool_]) -> float:
 def _bent_at_top(voltage: Array, fitted: Array, spike: NDArray[np.bool_]) -> bool:
     """Whether the largest readings fall short of what the others say they should be, and only those.
 
-    All of them: a channel whose gain is too low falls short where its readings are large, and others don't.
+    All of them: a channel whose gain is too low falls short where its readings are large, and others don't. What is
+    usual is counted below where they fall short: a source's own reading at the limit may be a part of every scan.
     """
     known = np.isfinite(fitted) & np.isfinite(voltage)
     top = known & (fitted > np.quantile(fitted[known], 1 - TOP))
     share = float(spike[top].mean())
-    if share < MOST_SPIKES or share < 20 * float(spike.mean()):
+    below = known & (fitted < _bent_from(fitted[known], spike[known]))
+    if share < MOST_SPIKES or share < 20 * float(spike[below].mean()):
         return False
     as_large = top & (fitted >= np.median(fitted[top & spike]))
     if spike[as_large].mean() < 0.5:

@@ -11,6 +11,7 @@ from small_skin import SMALL, small_law, small_sensor, two_presses
 from ertskin.diagnosis.fit.nonreciprocal import AcquisitionSignal
 from ertskin.diagnosis.linear.linear_skin import LinearSkin
 from ertskin.diagnosis.recording.evidence import Evidence
+from ertskin.physics.effects.adc_saturation import AdcSaturation
 from ertskin.physics.effects.contact_drift import ContactDrift
 from ertskin.physics.effects.crosstalk import Crosstalk
 from ertskin.physics.effects.effect import (
@@ -155,7 +156,9 @@ def test_so_does_a_form_that_is_freed(skin: Skin, linear: LinearSkin, effect: Ef
 def test_what_acts_on_readings_alone_has_its_derivatives_by_readings(
     skin: Skin, linear: LinearSkin, effect: AcquisitionEffect
 ) -> None:
-    others = (ContactDrift(2, (0.0, 40.0), (0.0, 20.0)), Crosstalk(fraction=0.01, channel=3))
+    others: tuple[Effect, ...] = (ContactDrift(2, (0.0, 40.0), (0.0, 20.0)), Crosstalk(fraction=0.01, channel=3))
+    if effect.linear:
+        others = (*others, AdcSaturation(compression=0.05, sharpness=2.0))
     begun = replace(skin, effects=(*others, effect))
     more = {key: effect.value(key) + known.typical for key, known in effect.parameters().items() if known.defining}
     moved = replace(skin, effects=(*others, effect.changed(more)))
