@@ -18,6 +18,8 @@ EIGHTHS = np.array([-1.150, -0.319, 0.319, 1.150])
 """Where a standard normal distribution has 1, 3, 5 and 7 eighths below."""
 WAYS_PA = 3e3, 2e4
 """Where fits of the pressure begin along which a lag is felt."""
+SMALL = 1e-3
+"""Change of pressure over the way, up to which a series of three terms is as good as the exponential."""
 
 
 @dataclass(frozen=True)
@@ -54,7 +56,7 @@ class PiezoHysteresis(PiezoEffect):
 
     def effective_pressure_pa(self, pressure_pa: Array, position_m: Array, time_s: Array, extent_m: Array) -> Array:
         felt = self._played(pressure_pa)
-        return np.maximum(felt - _left_on_the_way(felt, self.lag, self.way_pa), 0.0) if self.lag > 0 else felt
+        return np.asarray(_along_the_way(felt, self.lag, self.way_pa)) if self.lag > 0 else felt
 
     def _played(self, pressure_pa: Array) -> Array:
         """(T,N) what the plays make of pressures (T,N)."""
@@ -102,15 +104,19 @@ def _play(pressure_pa, width):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _left_on_the_way(pressure_pa, lag, way_pa):  # type: ignore[no-untyped-def]
-    left = np.empty_like(pressure_pa)
+def _along_the_way(pressure_pa, lag, way_pa):  # type: ignore[no-untyped-def]
+    """(T,N) what is felt of pressures (T,N). Most changes are of places hardly reached: a series is exact there."""
+    felt = np.empty_like(pressure_pa)
+    most_pa = lag * way_pa
     for n in range(pressure_pa.shape[1]):
-        last, state = 0.0, 0.0
+        last, left = 0.0, 0.0
         for t in range(pressure_pa.shape[0]):
-            change = pressure_pa[t, n] - last
+            pressure = pressure_pa[t, n]
+            change = pressure - last
             if change != 0.0:
-                kept, most = np.exp(-abs(change) / way_pa), np.sign(change) * lag * way_pa
-                state = most + (state - most) * kept
-                last = pressure_pa[t, n]
-            left[t, n] = state
-    return left
+                part = abs(change) / way_pa
+                gone = 1.0 - np.exp(-part) if part > SMALL else part * (1.0 - part * (0.5 - part / 6.0))
+                left += ((most_pa if change > 0.0 else -most_pa) - left) * gone
+                last = pressure
+            felt[t, n] = max(pressure - left, 0.0)
+    return felt
