@@ -21,27 +21,22 @@ KNEES = 0.5, 0.75
 SHARPNESSES = 2.0, 5.0, 15.0
 """Where fits begin: the cubic curve of a symmetric stage that is overdriven a little, a bend, a knee."""
 
-NOTHING_LOG = -40.0
-"""Logarithm of q |v/L|^n below which what is lost is less than rounding."""
+FAR = 1e200
+"""Value of q |v/L|^n from which on a reading is where it stops; beyond it powers overflow."""
 
 
 @njit(cache=True, nogil=True)
-def _bent(voltage_v, straight_v, level_v, bend_log, sharpness):  # type: ignore[no-untyped-def]
-    """(N,) readings of voltages (N,), as ``AdcSaturation`` says; ``bend_log`` is log q.
-
-    In logarithms, for a power of what is far beyond the level overflows; readings not taken are NaN and stay so.
-    """
+def _bent(voltage_v, straight_v, level_v, bend, sharpness):  # type: ignore[no-untyped-def]
+    """(N,) readings of voltages (N,), as ``AdcSaturation`` says; ``bend`` is q. Readings not taken are NaN and stay."""
     read_v = voltage_v.copy()
+    span_v = level_v - straight_v
     for n in range(len(voltage_v)):
         beyond_v = abs(voltage_v[n]) - straight_v
         if not beyond_v > 0.0:
             continue
-        part_log = bend_log + sharpness * np.log(beyond_v / (level_v - straight_v))
-        if part_log < NOTHING_LOG:
-            continue
-        whole_log = max(part_log, 0.0) + np.log1p(np.exp(-abs(part_log)))
-        lost_v = -beyond_v * np.expm1(-whole_log / sharpness)
-        read_v[n] -= lost_v if voltage_v[n] > 0.0 else -lost_v
+        part = bend * (beyond_v / span_v) ** sharpness
+        kept_v = beyond_v * (1.0 + part) ** (-1.0 / sharpness) if part < FAR else span_v * bend ** (-1.0 / sharpness)
+        read_v[n] = straight_v + kept_v if voltage_v[n] > 0.0 else -straight_v - kept_v
     return read_v
 
 
@@ -90,10 +85,8 @@ class AdcSaturation(AcquisitionEffect):
     def _compressed(self, voltage_v: Array) -> Array:
         if self.compression == 0:
             return voltage_v
-        with np.errstate(divide="ignore"):
-            bend_log = float(np.log(self._bend))
         flat = np.ascontiguousarray(voltage_v, dtype=float).ravel()
-        read = _bent(flat, self.straight_share * self.level_v, self.level_v, bend_log, self.sharpness)
+        read = _bent(flat, self.straight_share * self.level_v, self.level_v, self._bend, self.sharpness)
         return np.asarray(read.reshape(np.shape(voltage_v)))
 
     @property
