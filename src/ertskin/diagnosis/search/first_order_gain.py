@@ -36,19 +36,29 @@ def held_out_gain(
 
     From gradient (F,n+c) and Hessian (F,n+c,n+c) by cell and the ``prior``'s precisions (n+c,).
     """
-    cells, count = len(gradient), len(value)
+    foretold, _, step = held_out_gains(gradient, hessian, prior, value, partitions)
+    return float(foretold.sum()), step
+
+
+def held_out_gains(
+    gradient: Array, hessian: Array, prior: Array, value: Array, partitions: Sequence[Sequence[int]]
+) -> tuple[Array, Array, Array]:
+    """What each of k ``partitions`` gains held out, (k,), and fitted, (k,), and the step (n+c,) of all."""
+    cells, count = np.arange(len(gradient)), len(value)
     pull = prior * np.concatenate([value, np.zeros(len(prior) - count)])
-    gain, full = 0.0, np.zeros(len(prior))
-    for out in [*partitions, []]:
-        inside = ~np.isin(np.arange(cells), out)
-        wanted = gradient[inside].sum(axis=0) - pull
-        curved = hessian[inside].sum(axis=0) + np.diag(prior)
-        full = _newton(wanted, curved)
-        small = _newton(wanted[:count], curved[:count, :count])
-        for cell in out:
-            gain += gradient[cell] @ full - 0.5 * full @ hessian[cell] @ full
-            gain -= gradient[cell, :count] @ small - 0.5 * small @ hessian[cell, :count, :count] @ small
-    return float(gain), full
+
+    def steps(inside: NDArray[np.bool_]) -> tuple[Array, Array]:
+        wanted, curved = gradient[inside].sum(axis=0) - pull, hessian[inside].sum(axis=0) + np.diag(prior)
+        return _newton(wanted, curved), _newton(wanted[:count], curved[:count, :count])
+
+    def gained(out: Sequence[int], full: Array, small: Array) -> float:
+        slope, curved = gradient[list(out)].sum(axis=0), hessian[list(out)].sum(axis=0)
+        without = slope[:count] @ small - 0.5 * small @ curved[:count, :count] @ small
+        return float(slope @ full - 0.5 * full @ curved @ full - without)
+
+    whole = steps(np.ones(len(cells), dtype=bool))
+    foretold = [gained(out, *steps(~np.isin(cells, out))) for out in partitions]
+    return np.array(foretold), np.array([gained(out, *whole) for out in partitions]), whole[0]
 
 
 def with_columns(

@@ -20,7 +20,7 @@ from ertskin.diagnosis.fit.nonreciprocal import instruments
 from ertskin.diagnosis.search.first_order_gain import (
     add_leftover,
     beyond_networks,
-    held_out_gain,
+    held_out_gains,
     with_columns,
 )
 from ertskin.physics.effects.effect import AcquisitionEffect, Effect, Parameter
@@ -53,7 +53,11 @@ class FormError:
 def form_error(
     problem: VoltageProblem, solved: Solved, partitions: Sequence[Sequence[int]], effects: Sequence[Effect]
 ) -> FormError:
-    """The error of the likeliest spread, to first order about a fit, of its ``effects``; none where it doesn't gain."""
+    """The error of the likeliest spread, to first order about a fit, of its ``effects``; none where it doesn't gain.
+
+    No cells held out gain more than fitted: those that a fit foretells wildly, for few others tell of it (a spot that
+    one press has met), would gain by whatever moves it.
+    """
     forms = _other_forms(problem, effects)
     if not forms:
         return FormError()
@@ -64,8 +68,8 @@ def form_error(
     found = [FormError()]
     for spread in SPREADS:
         prior = np.concatenate([current.fit.prior.diagonal(), np.full(len(forms), spread**-2)])
-        gain, sizes = held_out_gain(*known, prior, current.fit.from_prior, partitions)
-        found.append(FormError(forms, sizes, gain))
+        foretold, fitted, sizes = held_out_gains(*known, prior, current.fit.from_prior, partitions)
+        found.append(FormError(forms, sizes, float(np.minimum(foretold, np.abs(fitted)).sum())))
     return max(found, key=lambda error: error.gain)
 
 
