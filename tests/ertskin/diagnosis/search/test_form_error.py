@@ -5,12 +5,14 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from small_skin import FOUR_PRESSES, SMALL, four_presses, small_law, small_sensor
 
 from ertskin.diagnosis.fit.joint_fit import Solved, Term, VoltageProblem
 from ertskin.diagnosis.linear.calibration_vector import SHAPE, Calibration, SkinFamily
 from ertskin.diagnosis.linear.linear_skin import LinearSkin
 from ertskin.diagnosis.recording.evidence import Evidence
+from ertskin.diagnosis.search.first_order_gain import held_out_gains
 from ertskin.diagnosis.search.form_error import _other_forms, form_error
 from ertskin.physics.effects.crosstalk import Crosstalk
 from ertskin.physics.effects.sheet_anisotropy import SheetAnisotropy
@@ -68,6 +70,29 @@ def test_what_the_sheet_does_is_not_the_instrument_s_error() -> None:
     error = form_error(problem, solved, PARTITIONS, solved.effects)
     assert rms(solved.scan_residual) > 1.5
     assert error.gain < 0.2 * solved.cost
+
+
+def test_cells_that_few_others_tell_of_gain_wildly_when_held_out() -> None:
+    """A number known by one cell, and another that goes with it everywhere else, as form errors may."""
+    rng = np.random.default_rng(0)
+    known = 1e-2 * rng.standard_normal((4, 50))
+    known[0] = 1.0
+    beside = known + 1e-3 * rng.standard_normal(known.shape)
+    beside[0] = 0.0
+    wrong = rng.standard_normal(known.shape)
+    wrong -= known * (known * wrong).sum() / (known**2).sum()
+    columns = np.stack([known, beside], axis=-1)
+    gradient, hessian = np.einsum("fnc,fn->fc", columns, wrong), np.einsum("fnc,fnd->fcd", columns, columns)
+    foretold, fitted, _ = held_out_gains(gradient, hessian, np.array([0.0, 1.0]), np.zeros(1), [[k] for k in range(4)])
+    assert foretold[0] > 1e3 * abs(fitted[0])
+
+
+def test_no_cells_gain_more_held_out_than_fitted(monkeypatch: pytest.MonkeyPatch) -> None:
+    problem, solved = fitted(SHARES)
+    count = len(solved.fit.value) + len(_other_forms(problem, solved.effects))
+    gains = np.array([20000.0, 1.0, -0.5, 2.0]), np.array([3.0, 2.0, 4.0, -1.0]), np.zeros(count)
+    monkeypatch.setattr("ertskin.diagnosis.search.form_error.held_out_gains", lambda *given: gains)
+    assert form_error(problem, solved, PARTITIONS, solved.effects).gain == 3.0 + 1.0 - 0.5 + 1.0
 
 
 def test_effects_of_the_skin_have_no_such_error() -> None:
