@@ -45,6 +45,7 @@ RUN_AWAY = 0.4
 ALIKE = 0.5
 """Part of the best form's gain from which another form of the same effect is settled too."""
 MOST_TERMS = 5
+"""Terms that are searched for, those of another signal among them."""
 FORM_ERROR = "form_error"
 """What sets tried with a nameless part of the instrument's effects are said to hold."""
 FORMS = 2
@@ -177,8 +178,8 @@ class _Search:
     disagrees: bool = False
 
     def grown(self, incumbent: CheckedFit) -> CheckedFit:
-        """With one term more after the other, while one gains enough."""
-        for turn in range(MOST_TERMS):
+        """With one term more after the other, while one gains enough and they aren't too many."""
+        for turn in range(len(incumbent.solved.terms) - self.fixed, MOST_TERMS):
             text = f"looking for what is missing (residual {rms_of(incumbent.solved):.3f} of the noise)"
             self.report(0.2 + 0.1 * turn, text)
             proposed = self.one_more(incumbent)
