@@ -133,17 +133,8 @@ def gather(recording: Recording, criteria: Criteria = DEFAULT) -> Evidence:
     # An electrode read against itself gives nought in every scan.
     repeats = repeating(np.where(protocol.measurement.any(axis=-1), voltage, np.nan), criteria)
     voltage[np.broadcast_to(repeats[:, None], voltage.shape)] = np.nan
-    limit = _without_saturated(voltage, protocol)
-    determined = _determined(protocol, np.isnan(voltage))
-    if not determined[rest].any():
-        raise CannotTell(_what_is_lost(protocol, voltage[rest]))
-    scan, spike, bent = _scans(protocol, voltage, rest, limit is not None)
+    protocol, voltage, scan, spike, determined, limit = _reduced(protocol, voltage, rest)
     fitted = (scan @ protocol.orthonormal.T).reshape(voltage.shape)
-    if limit is None and bent:
-        limit = _bent_level_v(voltage, fitted, spike)
-    if limit is not None:
-        protocol, voltage, scan, spike = _without_lost(protocol, voltage, scan, spike)
-        fitted = (scan @ protocol.orthonormal.T).reshape(voltage.shape)
     leftover = np.where(spike | ~np.isfinite(voltage), 0.0, voltage - fitted)
     freedom = leftover_freedom(protocol, np.isfinite(voltage).mean(axis=0) > 0.5)
     noise_v = _noise_v(protocol, scan, leftover / np.sqrt(np.maximum(freedom, LEAST_FREEDOM)), spike, rest)
@@ -169,6 +160,23 @@ def gather(recording: Recording, criteria: Criteria = DEFAULT) -> Evidence:
         criteria,
         _noise_error(int(rest.sum()), float(freedom.sum())),
     )
+
+
+def _reduced(
+    protocol: Protocol, voltage: Array, rest: NDArray[np.bool_]
+) -> tuple[Protocol, Array, Array, NDArray[np.bool_], NDArray[np.bool_], float | None]:
+    """Protocol and readings (T,K,M) without those that a converter's limit takes, scans (T,P), spikes (T,K,M), frames
+    that tell all the scan can (T,), and the limit in volt."""
+    limit = _without_saturated(voltage, protocol)
+    determined = _determined(protocol, np.isnan(voltage))
+    if not determined[rest].any():
+        raise CannotTell(_what_is_lost(protocol, voltage[rest]))
+    scan, spike, bent = _scans(protocol, voltage, rest, limit is not None)
+    if limit is None and bent:
+        limit = _bent_level_v(voltage, (scan @ protocol.orthonormal.T).reshape(voltage.shape), spike)
+    if limit is None:
+        return protocol, voltage, scan, spike, determined, limit
+    return *_without_lost(protocol, voltage, scan, spike), determined, limit
 
 
 def _complete(recording: Recording) -> tuple[History, Protocol, Sensor, Array]:

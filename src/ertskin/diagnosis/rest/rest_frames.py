@@ -96,7 +96,7 @@ def rested(skin: Skin, evidence: Evidence) -> Rested:
     run = np.cumsum(~evidence.rest, dtype=np.intp)[good]
     criteria, doubt = evidence.criteria, warmth.doubt
     drift = _contact_drift(scans - mean, time_s, run, evidence.noise_v, columns, traces, contacts, criteria, doubt)
-    noise = _scatter(clean, run, columns, evidence.noise_v, criteria)
+    noise = _scatter(clean, run, columns, (evidence.noise_v, evidence.leftover_error), criteria)
     return Rested(skin, mean, mean_noise_v, misfit, drift, noise, every[..., : traces.shape[2]], warmth.name)
 
 
@@ -224,8 +224,8 @@ def _shares(change: Array, columns: Array, traces: Array) -> tuple[Array, Array]
 
 @dataclass(frozen=True, eq=False)
 class Noise:
-    """``rms_v`` of a whitened scan's numbers, its standard error over itself, nought where thousands of readings tell
-    it, and ``excess_noise`` (P,k), the directions in which rest frames scatter more than that.
+    """``rms_v`` of a whitened scan's numbers, its standard error over itself, and ``excess_noise`` (P,k): directions
+    in which rest frames scatter more than that.
 
     ``jittering`` electrode whose contact alone makes white noise scatter materially more; -1 if there is none.
     """
@@ -236,27 +236,32 @@ class Noise:
     jittering: int = -1
 
 
-def _scatter(scans: Array, run: NDArray[np.intp], columns: Array, reading_v: float, criteria: Criteria) -> Noise:
-    """The noise of rest frames (R,P), of which ``run`` (R,) numbers the runs between presses.
+def _scatter(
+    scans: Array, run: NDArray[np.intp], columns: Array, reading: tuple[float, float], criteria: Criteria
+) -> Noise:
+    """The noise of rest frames (R,P), of which ``run`` (R,) numbers the runs between presses, from a ``reading``'s and
+    its standard error over itself.
 
     From second differences of the rest frames, in which a steady drift is nothing. Coloured noise weighs more in the
     scans than in what no network explains; contacts that jitter do so along their ``columns`` (P,n), from frame to
     frame or from run to run. The median over the frames lets a few odd ones pass, and white noise within its own
     scatter leaves the reading's noise as it is.
     """
+    reading_v, reading_error = reading
     count, width = scans.shape
     space = np.linalg.qr(columns)[0]
     freedom = width - space.shape[1]
     if count < ENOUGH_RESTS or freedom <= 0:
-        return Noise(reading_v, 0.0, np.zeros((width, 0)))
+        return Noise(reading_v, reading_error, np.zeros((width, 0)))
     jump = _jumps(scans)
     squares = ((jump - jump @ space @ space.T) ** 2).sum(axis=1) / freedom
     outside = float(np.median(squares))
     coloured = outside > ((1 + COLOURED) * reading_v) ** 2
     noise_v = max(reading_v, float(np.sqrt(outside))) if coloured else reading_v
     # Of a median, half of it for the root; the squares of overlapping second differences count half.
-    error = 0.5 * 1.25 * float(squares.std()) / outside / np.sqrt(len(jump) / 2) if coloured else 0.0
-    surely = np.sqrt(outside) / reading_v > 1 + SURELY_COLOURED * error
+    own_error = 0.5 * 1.25 * float(squares.std()) / outside / np.sqrt(len(jump) / 2) if coloured else 0.0
+    error = max(own_error, reading_error)
+    surely = np.sqrt(outside) / reading_v > 1 + SURELY_COLOURED * own_error
     inside = scans @ space / noise_v
     excess_noise = space @ max(
         _excess_noise(_jumps(inside)), _excess_noise(_jumps_of_runs(inside, run)), key=np.linalg.norm

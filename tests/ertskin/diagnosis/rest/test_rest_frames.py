@@ -113,27 +113,38 @@ def test_white_noise_has_no_excess_in_any_direction() -> None:
     rng = np.random.default_rng(4)
     columns, _ = columns_and_traces(rng)
     found = [
-        _scatter(rng.standard_normal((FRAMES, NUMBERS)), EACH, columns, 1.0, DEFAULT).excess_noise.shape[1]
+        _scatter(rng.standard_normal((FRAMES, NUMBERS)), EACH, columns, (1.0, 0.0), DEFAULT).excess_noise.shape[1]
         for _ in range(40)
     ]
     assert np.mean(np.array(found) > 0) <= 0.1
     jitter = rng.standard_normal((FRAMES, NUMBERS)) + np.outer(4 * rng.standard_normal(FRAMES), columns[:, 2])
-    assert _scatter(jitter, EACH, columns, 1.0, DEFAULT).excess_noise.shape[1] == 1
+    assert _scatter(jitter, EACH, columns, (1.0, 0.0), DEFAULT).excess_noise.shape[1] == 1
     assert _largest_by_chance(200, 9) < _largest_by_chance(20, 9)
+
+
+def test_noise_of_rest_frames_is_known_no_better_than_that_of_the_readings_it_comes_from() -> None:
+    rng = np.random.default_rng(4)
+    columns, _ = columns_and_traces(rng)
+    white = rng.standard_normal((FRAMES, NUMBERS))
+    assert _scatter(white, EACH, columns, (1.0, 0.03), DEFAULT).error == 0.03
+    assert _scatter(white[:2], EACH[:2], columns, (1.0, 0.03), DEFAULT).error == 0.03
+    # Coloured noise is told by the rest frames themselves, by few of them worse still.
+    assert _scatter(2 * white, EACH, columns, (1.0, 0.001), DEFAULT).error > 0.001
 
 
 def test_a_contact_that_jitters_is_named_and_noise_is_not() -> None:
     rng = np.random.default_rng(5)
     columns, _ = columns_and_traces(rng)
     white = [
-        _scatter(rng.standard_normal((FRAMES, NUMBERS)), EACH, columns, 1.0, DEFAULT).jittering for _ in range(100)
+        _scatter(rng.standard_normal((FRAMES, NUMBERS)), EACH, columns, (1.0, 0.0), DEFAULT).jittering
+        for _ in range(100)
     ]
     assert max(white) == -1
     unit = columns[:, 2] / np.linalg.norm(columns[:, 2])
     jitter = rng.standard_normal((FRAMES, NUMBERS)) + np.outer(8 * rng.standard_normal(FRAMES), unit)
-    assert _scatter(jitter, EACH, columns, 1.0, DEFAULT).jittering == 2
+    assert _scatter(jitter, EACH, columns, (1.0, 0.0), DEFAULT).jittering == 2
     # Coloured noise exceeds the noise along contacts too.
-    assert _scatter(1.5 * jitter, EACH, columns, 1.0, DEFAULT).jittering == -1
+    assert _scatter(1.5 * jitter, EACH, columns, (1.0, 0.0), DEFAULT).jittering == -1
 
 
 def test_a_contact_that_jitters_is_named_though_a_small_skin_scatters_more_by_chance() -> None:
@@ -143,7 +154,7 @@ def test_a_contact_that_jitters_is_named_though_a_small_skin_scatters_more_by_ch
         columns = rng.standard_normal((28, 9))
         unit = columns[:, 2] / np.linalg.norm(columns[:, 2])
         jitter = rng.standard_normal((13, 28)) + np.outer(20 * rng.standard_normal(13), unit)
-        noise = _scatter(jitter, np.arange(13), columns, 1.0, DEFAULT)
+        noise = _scatter(jitter, np.arange(13), columns, (1.0, 0.0), DEFAULT)
         named.append(noise.jittering)
         coloured += noise.rms_v > 1
     assert coloured > 5
@@ -155,7 +166,7 @@ def test_contacts_that_all_jitter_are_how_the_skin_is_made() -> None:
     columns, traces = columns_and_traces(rng)
     unit = columns[:, :CONTACTS] / np.linalg.norm(columns[:, :CONTACTS], axis=0)
     alike = rng.standard_normal((FRAMES, NUMBERS)) + 8 * rng.standard_normal((FRAMES, CONTACTS)) @ unit.T
-    assert _scatter(alike, EACH, columns, 1.0, DEFAULT).excess_noise.shape[1] == CONTACTS
+    assert _scatter(alike, EACH, columns, (1.0, 0.0), DEFAULT).excess_noise.shape[1] == CONTACTS
     time_s = np.arange(float(FRAMES))
     change = alike - alike.mean(axis=0)
     contacts, run = np.full(CONTACTS, 300.0), np.arange(FRAMES)
@@ -168,7 +179,9 @@ def test_none_of_many_contacts_that_jitter_alike_is_the_loose_one() -> None:
     for _ in range(60):
         columns = rng.standard_normal((NUMBERS, CONTACTS + 1)) * np.exp(0.5 * rng.standard_normal(CONTACTS + 1)) / 5
         alike = rng.standard_normal((FRAMES, CONTACTS)) @ columns[:, :CONTACTS].T
-        named.append(_scatter(rng.standard_normal((FRAMES, NUMBERS)) + alike, EACH, columns, 1.0, DEFAULT).jittering)
+        named.append(
+            _scatter(rng.standard_normal((FRAMES, NUMBERS)) + alike, EACH, columns, (1.0, 0.0), DEFAULT).jittering
+        )
     assert np.mean(np.array(named) >= 0) <= 0.1
 
 
@@ -179,7 +192,9 @@ def test_a_contact_that_is_another_one_in_every_run_scatters_by_all_of_that() ->
     for rests in (1, 2, 5, 20):
         run = np.repeat(np.arange(36), rests)
         moved = 8 * rng.standard_normal(36)[run]
-        noise = _scatter(rng.standard_normal((len(run), NUMBERS)) + np.outer(moved, unit), run, columns, 1.0, DEFAULT)
+        noise = _scatter(
+            rng.standard_normal((len(run), NUMBERS)) + np.outer(moved, unit), run, columns, (1.0, 0.0), DEFAULT
+        )
         assert np.linalg.norm(noise.excess_noise) == pytest.approx(moved.std(), rel=0.25)
         assert noise.jittering == 2
 
@@ -232,11 +247,13 @@ def test_coloured_noise_is_known_as_well_as_it_says():
     rng = np.random.default_rng(2)
     columns = rng.standard_normal((NUMBERS, 5))
     width = np.exp(0.7 * rng.standard_normal(NUMBERS))
-    found = [_scatter(width * rng.standard_normal((FRAMES, NUMBERS)), EACH, columns, 0.5, DEFAULT) for _ in range(200)]
+    found = [
+        _scatter(width * rng.standard_normal((FRAMES, NUMBERS)), EACH, columns, (0.5, 0.0), DEFAULT) for _ in range(200)
+    ]
     rms = np.array([noise.rms_v for noise in found])
     stated = np.mean([noise.error for noise in found])
     assert stated == pytest.approx(rms.std() / rms.mean(), rel=0.4)
-    assert _scatter(rng.standard_normal((FRAMES, NUMBERS)), EACH, columns, 1.0, DEFAULT).error == 0.0
+    assert _scatter(rng.standard_normal((FRAMES, NUMBERS)), EACH, columns, (1.0, 0.0), DEFAULT).error == 0.0
 
 
 def test_contacts_that_hardly_show_stay_with_the_others() -> None:
