@@ -145,9 +145,11 @@ def _mixed(flat, order, ends, kept, lasting, discharged):  # type: ignore[no-unt
             for k in range(begin, end):
                 value = flat[t, order[k]]
                 if k > begin:
-                    found = lasting * found + (1 - lasting) * flat[t, order[k - 1]]
+                    before = flat[t, order[k - 1]]
+                    found = lasting * found + (1 - lasting) * before if lasting else before
                 elif not discharged:
                     found = value
-                mixed[t, order[k]] += kept[order[k]] * (found - value)
+                if kept[order[k]] != 0.0:
+                    mixed[t, order[k]] += kept[order[k]] * (found - value)
             begin = end
     return mixed

@@ -144,6 +144,15 @@ def test_an_unknown_beginning_is_refused() -> None:
         Crosstalk(begins="anyhow")
 
 
+@pytest.mark.parametrize("lasting", [0.0, 0.5])
+def test_a_reading_that_is_lost_is_lost_to_those_that_keep_of_it_alone(readings, lasting: float) -> None:
+    lost = np.array(readings)
+    lost[0, 1, 2] = np.nan
+    assert np.isnan(Crosstalk(fraction=0.01, channel=0, lasting=lasting).distorted_v(lost, PROTOCOL)).sum() <= (
+        1 if lasting == 0 else lost[0].shape[0]
+    )
+
+
 def test_saturation_clips(readings) -> None:
     assert AdcSaturation(limit_v=0.1).distorted_v(readings, PROTOCOL).max() == pytest.approx(0.1)
 

@@ -35,8 +35,6 @@ LEAST_SIGNAL = 5.0
 FEWEST_RESTS = 4
 ALIKE, OFTEN = 3.0, 0.05
 """Up to which a reading taken for a spike may be one: times what it is usually off by, and part of the frames."""
-MOSTLY = 0.5
-"""Part of the frames in which a reading is lost, from which on it isn't used in any."""
 FEWEST_SHORT, LARGE, FLAT, SURELY = 2, 0.1, 0.2, 3.0
 """A converter that bends softly: fewest readings short in most rest frames, part of the readings, the largest,
 among which they lie, least part by which they differ of what they should differ by, and above it by how many standard
@@ -133,8 +131,14 @@ def gather(recording: Recording, criteria: Criteria = DEFAULT) -> Evidence:
     # An electrode read against itself gives nought in every scan.
     repeats = repeating(np.where(protocol.measurement.any(axis=-1), voltage, np.nan), criteria)
     voltage[np.broadcast_to(repeats[:, None], voltage.shape)] = np.nan
-    protocol, voltage, scan, spike, determined, limit = _reduced(protocol, voltage, rest)
+    limit = _without_saturated(voltage, protocol)
+    determined = _determined(protocol, np.isnan(voltage))
+    if not determined[rest].any():
+        raise CannotTell(_what_is_lost(protocol, voltage[rest]))
+    scan, spike, bent = _scans(protocol, voltage, rest, limit is not None)
     fitted = (scan @ protocol.orthonormal.T).reshape(voltage.shape)
+    if limit is None and bent:
+        limit = _bent_level_v(voltage, fitted, spike)
     leftover = np.where(spike | ~np.isfinite(voltage), 0.0, voltage - fitted)
     freedom = leftover_freedom(protocol, np.isfinite(voltage).mean(axis=0) > 0.5)
     noise_v = _noise_v(protocol, scan, leftover / np.sqrt(np.maximum(freedom, LEAST_FREEDOM)), spike, rest)
@@ -160,23 +164,6 @@ def gather(recording: Recording, criteria: Criteria = DEFAULT) -> Evidence:
         criteria,
         _noise_error(int(rest.sum()), float(freedom.sum())),
     )
-
-
-def _reduced(
-    protocol: Protocol, voltage: Array, rest: NDArray[np.bool_]
-) -> tuple[Protocol, Array, Array, NDArray[np.bool_], NDArray[np.bool_], float | None]:
-    """Protocol and readings (T,K,M) without those that a converter's limit takes, scans (T,P), spikes (T,K,M), frames
-    that tell all the scan can (T,), and the limit in volt."""
-    limit = _without_saturated(voltage, protocol)
-    determined = _determined(protocol, np.isnan(voltage))
-    if not determined[rest].any():
-        raise CannotTell(_what_is_lost(protocol, voltage[rest]))
-    scan, spike, bent = _scans(protocol, voltage, rest, limit is not None)
-    if limit is None and bent:
-        limit = _bent_level_v(voltage, (scan @ protocol.orthonormal.T).reshape(voltage.shape), spike)
-    if limit is None:
-        return protocol, voltage, scan, spike, determined, limit
-    return *_without_lost(protocol, voltage, scan, spike), determined, limit
 
 
 def _complete(recording: Recording) -> tuple[History, Protocol, Sensor, Array]:
@@ -270,22 +257,6 @@ def _determined(protocol: Protocol, missing: NDArray[np.bool_]) -> NDArray[np.bo
     patterns, of = np.unique(missing.reshape(len(missing), -1), axis=0, return_inverse=True)
     held = np.array([tells_all(protocol.orthonormal, pattern) for pattern in patterns])
     return held[of.ravel()]
-
-
-def _without_lost(
-    protocol: Protocol, voltage: Array, scan: Array, spike: NDArray[np.bool_]
-) -> tuple[Protocol, Array, Array, NDArray[np.bool_]]:
-    """Protocol, readings, scans and spikes without the readings that are lost in most frames, as those at a limit are.
-
-    Left in with what the others say in their place, they make the noise of the scan's numbers uneven. They stay where
-    they alone tell of something.
-    """
-    lost = ((spike | ~np.isfinite(voltage)).mean(axis=0) > MOSTLY) & protocol.taken
-    if not lost.any() or not tells_all(protocol.orthonormal, lost.ravel()):
-        return protocol, voltage, scan, spike
-    fewer = replace(protocol, measured=protocol.taken & ~lost)
-    told_v = fewer.gapped(voltage)
-    return fewer, told_v, *despiked(fewer, told_v)
 
 
 def leftover_freedom(protocol: Protocol, present: NDArray[np.bool_]) -> Array:
@@ -400,9 +371,9 @@ def _bent_at_top(voltage: Array, fitted: Array, spike: NDArray[np.bool_]) -> boo
     """
     known = np.isfinite(fitted) & np.isfinite(voltage)
     top = known & (fitted > np.quantile(fitted[known], 1 - TOP))
-    share = float(spike[top].mean())
     below = known & (fitted < _bent_from(fitted[known], spike[known]))
-    if share < MOST_SPIKES or share < 20 * float(spike[below].mean()):
+    share = float(spike[top].mean())
+    if share < MOST_SPIKES or not below.any() or share < 20 * float(spike[below].mean()):
         return False
     as_large = top & (fitted >= np.median(fitted[top & spike]))
     if spike[as_large].mean() < 0.5:

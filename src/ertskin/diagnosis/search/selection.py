@@ -178,8 +178,8 @@ class _Search:
     disagrees: bool = False
 
     def grown(self, incumbent: CheckedFit) -> CheckedFit:
-        """With one term more after the other, while one gains enough and they aren't too many."""
-        for turn in range(len(incumbent.solved.terms) - self.fixed, MOST_TERMS):
+        """With one term more after the other, while one gains enough and they aren't too many; asked once at least."""
+        for turn in range(min(len(incumbent.solved.terms) - self.fixed, MOST_TERMS - 1), MOST_TERMS):
             text = f"looking for what is missing (residual {rms_of(incumbent.solved):.3f} of the noise)"
             self.report(0.2 + 0.1 * turn, text)
             proposed = self.one_more(incumbent)

@@ -87,7 +87,7 @@ def test_cells_that_few_others_tell_of_gain_wildly_when_held_out() -> None:
     assert foretold[0] > 1e3 * abs(fitted[0])
 
 
-def test_no_cells_gain_more_held_out_than_fitted(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_no_cells_gain_more_held_out_than_they_change_by_when_fitted(monkeypatch: pytest.MonkeyPatch) -> None:
     problem, solved = fitted(SHARES)
     count = len(solved.fit.value) + len(_other_forms(problem, solved.effects))
     gains = np.array([20000.0, 1.0, -0.5, 2.0]), np.array([3.0, 2.0, 4.0, -1.0]), np.zeros(count)

@@ -23,4 +23,4 @@ def test_terms_of_another_signal_count_among_those_searched_for(
     monkeypatch.setattr(selection._Search, "_where_readings_remember", lambda search, fit: fit)
     monkeypatch.setattr(selection._Search, "_without_drifts", lambda search, fit: fit)
     search = selection._Search(None, [], lambda share, text: None, fixed, {})  # type: ignore[arg-type]
-    assert len(search.grown(fit_of(begun)).solved.terms) == max(begun, fixed + selection.MOST_TERMS)
+    assert len(search.grown(fit_of(begun)).solved.terms) == max(begun + 1, fixed + selection.MOST_TERMS)
