@@ -113,11 +113,9 @@ class AcquisitionSignal:
     ) -> Array:
         """(n,K,M) what an ``effect`` makes of ``moved`` readings, where its ``own`` form makes ``after`` of those
         ``before``: only what differs is read anew, if it can be."""
-        if effect != own:
-            return effect.read_v(moved, self.evidence.protocol, time_s)
-        if moved is before:
+        if effect == own and moved is before:
             return after
-        if not effect.by_reading:
+        if effect != own or not effect.by_reading:
             return effect.read_v(moved, self.evidence.protocol, time_s)
         differs, found = moved != before, after.copy()
         found[differs] = effect.distorted_v(moved[differs], self.evidence.protocol)
