@@ -152,7 +152,7 @@ def _diagnosis(
     """What is said of a case, given its ``claims``, ``verdict`` and the ``tests`` of axes before and after."""
     found, force = case.found, case.force
     left = found.ratio_after if claims else found.ratio_before
-    misfit = found.ratio_before, left, _p_value(found, claims)
+    misfit = found.ratio_before, left, _p_value(found, claims, case.baseline.noise.error)
     position, radius = _place_of(claims)
     return Diagnosis(
         name,
@@ -343,10 +343,10 @@ def _reason(case: Case, claims: list[Claim], jitters: bool) -> str | None:
     return "; ".join(said) or None
 
 
-def _p_value(found: Predictions, claims: list[Claim]) -> float:
+def _p_value(found: Predictions, claims: list[Claim], noise_error: float) -> float:
     """Chance of the gain held out from what was claimed, or of the misfit itself where nothing was."""
     if not claims:
-        return misfit_p(found.before)
+        return misfit_p(found.before, noise_error)
     gained = float((found.before**2).sum() - (found.after**2).sum())
     return float(chi2.sf(max(gained, 0.0), max(1, sum(len(c.parameters) for c in claims))))
 

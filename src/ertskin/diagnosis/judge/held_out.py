@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
+from scipy.stats import chi2, f
 
 from ertskin.diagnosis.criteria import Criteria
 from ertskin.diagnosis.fit.full_scans import full_scans
@@ -100,6 +100,8 @@ def broad_ratio(residual: Array, press: NDArray[np.int64]) -> float:
     return ratio(residual[press != numbers[ratios.argmax()]])
 
 
-def misfit_p(residual: Array) -> float:
-    """Chance of so large a misfit from white noise alone."""
-    return float(chi2.sf(float((residual**2).sum()), residual.size))
+def misfit_p(residual: Array, noise_error: float) -> float:
+    """Chance of so large a misfit from white noise alone, its rms known to ``noise_error`` of itself: an F test."""
+    if not noise_error:
+        return float(chi2.sf(float((residual**2).sum()), residual.size))
+    return float(f.sf(ratio(residual) ** 2, residual.size, 0.5 / noise_error**2))

@@ -162,7 +162,7 @@ def gather(recording: Recording, criteria: Criteria = DEFAULT) -> Evidence:
         _leftover_share(freedom),
         repeats.sum(axis=0),
         criteria,
-        _noise_error(int(rest.sum()), float(freedom.sum())),
+        _noise_error(int(rest.sum()), float(freedom.sum()) if protocol.count > scan.shape[1] else scan.shape[1]),
     )
 
 
@@ -243,7 +243,7 @@ def _noise_v(
         noise_v = _leftover_noise_v(leftover, spike, rest)
     else:
         # No reading is taken twice: any scan is explained, and the noise is how scans differ at rest.
-        noise_v = float(robust_std(np.diff(scan[rest], axis=0))) / np.sqrt(2) if rest.sum() > 1 else 0.0
+        noise_v = _changing_v(np.diff(scan[rest], axis=0))
     if not noise_v > 0:
         raise CannotTell("the readings don't vary: no noise to measure a misfit against")
     return noise_v
@@ -396,9 +396,17 @@ def _leftover_noise_v(leftover: Array, spike: NDArray[np.bool_], rest: NDArray[n
     if rest.sum() < FEWEST_RESTS:
         return float(robust_std(leftover[~spike]))
     change = np.diff(leftover[rest], axis=0)
-    clean = change[~(spike[rest][1:] | spike[rest][:-1])]
-    # As precise as the rms is where few readings are beyond what a network explains, and as deaf to outliers.
-    usual = clean[np.abs(clean) < FARTHEST_ERRORS * robust_std(clean)]
+    return _changing_v(change[~(spike[rest][1:] | spike[rest][:-1])])
+
+
+def _changing_v(change: Array) -> float:
+    """Noise by how numbers ``change`` from one rest frame to the next.
+
+    As precise as the rms is where few are beyond what noise does, and as deaf to outliers as the median.
+    """
+    if not change.size:
+        return 0.0
+    usual = change[np.abs(change) < FARTHEST_ERRORS * robust_std(change)]
     return float(np.sqrt(np.mean(np.square(usual, dtype=float)))) / np.sqrt(2) if usual.size else 0.0
 
 

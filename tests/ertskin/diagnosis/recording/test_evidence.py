@@ -14,6 +14,7 @@ from ertskin.diagnosis.recording.evidence import (
     _compressed,
     _leftover_noise_v,
     _noise_error,
+    _noise_v,
     _presses_restored,
     _saturation,
     _scans,
@@ -276,3 +277,16 @@ def test_noise_by_few_rest_frames_is_known_as_well_as_it_says() -> None:
     frames[:, 5, ::20] = 50.0
     spoilt = np.array([_leftover_noise_v(each, spike, rest) for each in frames])
     assert spoilt.mean() == pytest.approx(1.0, abs=0.03)
+
+
+def test_noise_of_a_scan_without_a_reading_to_spare_is_known_by_all_its_numbers() -> None:
+    rng = np.random.default_rng(0)
+    current = 1e-4 * (np.eye(24)[:1] - np.eye(24)[-1:])
+    protocol = Protocol.differences(current, np.column_stack((np.arange(23), np.arange(1, 24))))
+    width = protocol.orthonormal.shape[1]
+    assert protocol.count == width
+    rest = np.ones(13, dtype=bool)
+    scans = 7.0 + rng.standard_normal((600, len(rest), width))
+    found = np.array([_noise_v(protocol, each, np.zeros(0), np.zeros(0, dtype=bool), rest) for each in scans])
+    assert found.mean() == pytest.approx(1.0, abs=0.01)
+    assert found.std() == pytest.approx(_noise_error(len(rest), width), rel=0.15)
