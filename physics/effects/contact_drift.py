@@ -41,6 +41,11 @@ class ContactDrift(ElectrodeEffect):
         drifted[:, self.electrode] += np.interp(time_s, self.knot_s, self.ohm)
         return np.maximum(drifted, LEAST_OHM)
 
+    def most_taken_ohm(self, electrodes: int) -> Array:
+        taken = np.zeros(electrodes)
+        taken[self.electrode] = max(0.0, -min(self.ohm))
+        return taken
+
     def quantities(self, standard: Standard) -> dict[str, float]:
         """By how much the contact changes in five minutes, or as far as it was followed, as a share. The largest
         of several is stated."""

@@ -182,6 +182,10 @@ class Effect:
         which they are tried; none where there is no more to free."""
         return ()
 
+    def within_scans(self, protocol: Protocol) -> Self:
+        """The same as readings show it where forces, each a mean over its scan, drive the skin."""
+        return self
+
     def at_once(self, free: tuple[str, ...]) -> Start | None:
         """What follows a press at once, as a static law does, where the effect, its parameters ``free``, would follow
         in time; None of what has no such limit, or none that the law at hand doesn't hold already."""
@@ -334,6 +338,10 @@ class ElectrodeEffect(Effect):
     def contact_resistance_ohm(self, resistance_ohm: Array, pressure_pa: Array, time_s: Array) -> Array:
         """(T,L) ohm, from contact resistances (T,L) and interface pressures on them (T,L) over times (T,)."""
         return resistance_ohm
+
+    def most_taken_ohm(self, electrodes: int) -> Array:
+        """(L,) ohm that it takes off each contact at most, whatever that has: contacts must have more."""
+        return np.zeros(electrodes)
 
     def geometry(self, sensor: Sensor) -> Sensor:
         """The sensor as it really is."""

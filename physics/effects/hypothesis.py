@@ -68,7 +68,7 @@ class Hypothesis:
 
     ``axes`` along which its misfit changes; ``signals`` that show it; ``needs`` of a recording; ``held`` parameters
     that the forces of a skin's recording don't tell; ``also_in_readings`` parameters of an effect of the force that
-    only the readings show; ``field``: a smooth field, its ``nodes``, may stand in its place; ``must_show_at_rest``: no
+    the readings tell; ``field``: a smooth field, its ``nodes``, may stand in its place; ``must_show_at_rest``: no
     name unless the frames at rest show it too; ``measured``: what of it is measured directly, where anything is.
     """
 

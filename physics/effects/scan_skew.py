@@ -39,6 +39,7 @@ class ScanSkew(MotionEffect):
         (Signal.NONRECIPROCAL, Signal.READINGS, Signal.FORCE),
         (Need.PRESSES, Need.MORE_READINGS, Need.TIMED_INJECTIONS),
         held=frozenset({"at_s", "ease", "bend"}),
+        also_in_readings=("speed_m_per_s",),
     )
 
     speed_m_per_s: float = parameter("m/s", 0.0, 0.02, 0.0, 1e-4, "how fast the stage moves during the scan")
@@ -80,6 +81,10 @@ class ScanSkew(MotionEffect):
         stage is on average. Behind it may be for play alone, which is no motion."""
         speed = cls.parameters()["speed_m_per_s"].typical
         return tuple(Start(cls(speed, by_steps=by_steps), ("speed_m_per_s",)) for by_steps in (False, True))
+
+    def within_scans(self, protocol: Protocol) -> ScanSkew:
+        """At the commanded depth in the middle of the scan, which is its mean."""
+        return replace(self, at_s=0.5 * float(np.max(np.asarray(protocol.injection_offset_s))))
 
     def quantities(self, standard: Standard) -> dict[str, float]:
         """Part of the way to the next depth that is made while a scan is taken."""

@@ -14,6 +14,7 @@ from ertskin.diagnosis.criteria import DEFAULT, Criteria
 from ertskin.diagnosis.design.doubtful_claim import settling_press
 from ertskin.diagnosis.fit.full_solution_check import Problem, exact, settled
 from ertskin.diagnosis.fit.joint_fit import Solved, Term, VoltageProblem
+from ertskin.diagnosis.force.agreement import agreed
 from ertskin.diagnosis.judge.answer import answered
 from ertskin.diagnosis.judge.held_out import Predictions, predictions, ratio
 from ertskin.diagnosis.judge.quantities import with_fields_of_all_presses, with_quantities
@@ -89,6 +90,8 @@ def _diagnose(
     fitted, held = fitted_and_held(evidence)
     family = SkinFamily(baseline.skin, resolution)
     selection = _selected(evidence, baseline, family, fitted, selector, report)
+    partitions = _partitions(folds_of(evidence.history.press[fitted], FOLDS))
+    baseline, selection = agreed(evidence, baseline, selection, partitions)
     uncorrected = _uncorrected(evidence, baseline, family, fitted, selection)
     report(0.85, "predicting presses no fit has seen")
     found = predictions(evidence, baseline, uncorrected, selection, family, held)

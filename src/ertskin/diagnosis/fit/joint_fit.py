@@ -27,7 +27,7 @@ from ertskin.diagnosis.linear.calibration_vector import (
 from ertskin.diagnosis.linear.linear_skin import Fields, LinearSkin
 from ertskin.diagnosis.recording.evidence import Evidence
 from ertskin.diagnosis.specimen.signal import SpecimenSignal
-from ertskin.physics.effects.effect import AcquisitionEffect, Effect, Stage, shown_by
+from ertskin.physics.effects.effect import AcquisitionEffect, Effect, ElectrodeEffect, Stage, shown_by
 from ertskin.physics.effects.field_over_sheet import FieldOverSheet
 from ertskin.physics.effects.hypothesis import Signal
 from ertskin.physics.effects.smooth_field import Nodes, field_design
@@ -46,6 +46,8 @@ HIGHER_PRIOR = 0.02
 """The law's coefficients above the fifth, which the paper's polynomial hasn't."""
 LONGEST_CONTACT_STEP = 1.5
 """Of the logarithm of a contact resistance, in a step of the fit."""
+STAYING = 0.5
+"""Part of the least that a contact which wanders has at rest, as which it stays while it is fitted."""
 FARTHEST_CONTACT = 4.0
 """Of the logarithm of a contact resistance, from the one at rest and from most of those."""
 REACH = 5.0
@@ -526,19 +528,27 @@ class _Layout:
         """Lowest and highest numbers (n,); contacts stay near those at rest ``contact_ohm`` (L,) and most of these.
 
         Readings that leave driven electrodes out hardly tell a contact: a misfit would take it to where the skin, as
-        linearised, is another one.
+        linearised, is another one, or to where nothing is left of one that wanders.
         """
         count = self.calibration + sum(t.count for t in self.terms)
         low, high = np.full(count, -np.inf), np.full(count, np.inf)
         contacts, rested = slice(1, self.ratio), np.log(contact_ohm)
         low[: self.ratio], high[: self.ratio] = np.log(LEAST_OHM), np.log(MOST_OHM)
         low[contacts] = np.maximum(low[contacts], np.minimum(rested, np.median(rested)) - FARTHEST_CONTACT)
+        taken = self._most_taken_ohm(len(contact_ohm))
+        least = np.log(taken + STAYING * np.maximum(contact_ohm - taken, 0.0))
+        low[contacts] = np.where(taken > 0, np.maximum(low[contacts], least), low[contacts])
         high[contacts] = np.minimum(high[contacts], np.maximum(rested, np.median(rested)) + FARTHEST_CONTACT)
         low[self.ratio], high[self.ratio] = -WIDEST_RATIO, WIDEST_RATIO
         for k, (term, key) in self._named.items():
             known = term.effect.known(key)
             low[k], high[k] = known.low, known.high
         return low, high
+
+    def _most_taken_ohm(self, electrodes: int) -> Array:
+        """(L,) ohm that the terms take off each contact at most."""
+        wandering = (t.effect for t in self.terms if isinstance(t.effect, ElectrodeEffect))
+        return np.sum([np.zeros(electrodes), *(effect.most_taken_ohm(electrodes) for effect in wandering)], axis=0)
 
     def law_above(self, law: PiezoPolynomial, least: float) -> Inequalities:
         """What keeps the law above this part of its value unpressed, under any pressure, as its shape moves."""

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ertskin.diagnosis.contract.claims import Claim, Estimate, Rival, against, estimate
+from ertskin.diagnosis.criteria import Criteria
 from ertskin.diagnosis.force.fit import ForceData, ForceFit, fit_force, force_starts
 from ertskin.diagnosis.force.indistinguishable import distinguishable
 from ertskin.diagnosis.judge.confidence import left_over_of_force
@@ -45,9 +46,10 @@ def force_answer(evidence: Evidence, baseline: Baseline, selection: Selection, h
     # What the readings show as well is claimed by them, who know its course.
     shown = {chosen.term.name for chosen in selection.chosen}
     terms = [term for term in best.terms if term.effect.name not in shown]
-    claims = [_felt(_claim(evidence, baseline, best, term), selection) for term in terms]
-    # What it would leave, were it alone left out.
-    claims = [claim for claim in claims if claim.ratio_alone > evidence.criteria.material_ratio]
+    claims = [_felt(_claim(evidence.criteria, baseline, best, term), selection) for term in terms]
+    # What the load cell would miss without it; what the readings show too needn't be material to the load cell.
+    material, both = evidence.criteria.material_ratio, baseline.shown_by_force_and_readings
+    claims = [claim for claim in claims if claim.effect.name in both or claim.ratio_alone > material]
     off = _off(evidence, baseline)
     if off:
         claims = left_over_of_force(claims, before / noise, after / noise, evidence.criteria)
@@ -57,16 +59,15 @@ def force_answer(evidence: Evidence, baseline: Baseline, selection: Selection, h
 def _predicted_n(evidence: Evidence, baseline: Baseline, fit: ForceFit, held: Indices) -> float:
     """Rms in newton by which the fit's effects, fitted again without the presses held out, miss their forces."""
     press = evidence.history.press
-    again = fit_force(_data(evidence, baseline, fit), fit.terms, ~np.isin(press, press[held]), start=fit)
+    again = fit_force(_data(baseline, fit), fit.terms, ~np.isin(press, press[held]), start=fit)
     seen = again.residual[held]
     whole = seen if np.isfinite(seen).any() else fit.residual
     return float(np.sqrt(np.nanmean(whole**2)) * baseline.force_noise.rms_n)
 
 
-def _data(evidence: Evidence, baseline: Baseline, fit: ForceFit) -> ForceData:
-    thickness_m = evidence.sensor.layers[0].thickness_m
-    noise_n, scan_s = baseline.force_noise.rms_n, evidence.protocol.duration_s
-    return ForceData(evidence.history, noise_n, fit.support_n_per_m, SUPPORT_SHARE, thickness_m, scan_s)
+def _data(baseline: Baseline, fit: ForceFit) -> ForceData:
+    assert baseline.force_data is not None
+    return replace(baseline.force_data, support_n_per_m=fit.support_n_per_m, support_error=SUPPORT_SHARE)
 
 
 def _off(evidence: Evidence, baseline: Baseline) -> bool:
@@ -93,15 +94,15 @@ def _felt(claim: Claim, selection: Selection) -> Claim:
     return claim
 
 
-def _claim(evidence: Evidence, baseline: Baseline, best: ForceFit, term: Start) -> Claim:
+def _claim(criteria: Criteria, baseline: Baseline, best: ForceFit, term: Start) -> Claim:
     """The fit without this effect, and with each other effect, or none of them, in its stead."""
-    data = _data(evidence, baseline, best)
+    data = _data(baseline, best)
     rest = [other for other in best.terms if other is not term]
     count = int(np.isfinite(best.residual).sum())
     without = fit_force(data, rest, start=best)
     alone = float(np.sqrt(max(1.0, 1 + (without.chi_square - best.chi_square) / count)))
     rivals = _rivals(data, best, rest, term)
-    confidence, alternatives = against(rivals, evidence.criteria)
+    confidence, alternatives = against(rivals, criteria)
     return Claim(term.effect, confidence, alone, _estimates(best, term), alternatives, rivals, by_force=True)
 
 

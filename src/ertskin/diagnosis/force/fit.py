@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import cast
 
 import numpy as np
@@ -35,7 +35,8 @@ def force_starts() -> dict[str, list[Start]]:
 @dataclass(frozen=True, eq=False)
 class ForceData:
     """Forces to explain, each read over a scan of ``scan_s`` seconds: history, ``noise_n``, the support's stiffness and
-    its error, the foam's thickness."""
+    its error, the foam's thickness; ``in_readings`` what the skin's readings gain with an effect of a name, in half
+    chi-square, which counts for every set that has it."""
 
     history: History
     noise_n: float
@@ -43,6 +44,11 @@ class ForceData:
     support_error: float
     foam_m: float
     scan_s: float = 0.0
+    in_readings: Mapping[str, float] = field(default_factory=dict)
+
+    def by_readings(self, terms: Sequence[Start]) -> float:
+        """Half chi-square that the readings gain with the effects of these terms."""
+        return sum(self.in_readings.get(term.effect.name, 0.0) for term in terms)
 
     def force_n(self, pad_n_per_m: float, support_n_per_m: float, effects: Sequence[ForceEffect]) -> Array:
         """(T,C) newton, at the depths where a stage that moves is on average while it is scanned."""
@@ -63,7 +69,7 @@ class ForceFit:
     """A fitted force stage: stiffnesses, effects with what of them is free, predicted forces (T,C), residuals (T,C) in
     units of the noise, and what no effect explains of them.
 
-    ``misfit``: half of what minus the logarithm of the likelihood counts, constants apart.
+    ``misfit``: minus the logarithm of the likelihood of forces and readings, constants apart.
     """
 
     pad_n_per_m: float
@@ -136,7 +142,8 @@ def fit_force(
     pad, support, built, force = model(found.x)
     whole = np.where(data.used, (data.history.force_n - force) / data.noise_n, np.nan)
     covariance = np.linalg.pinv(found.jac.T @ found.jac)
-    return ForceFit(pad, support, built, force, whole, float(found.cost), names, found.x, covariance, remainder)
+    misfit = float(found.cost) - data.by_readings(terms)
+    return ForceFit(pad, support, built, force, whole, misfit, names, found.x, covariance, remainder)
 
 
 def _with_values(terms: Sequence[Start], x: Array) -> tuple[Start, ...]:

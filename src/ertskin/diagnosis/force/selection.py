@@ -27,7 +27,7 @@ class ForceSearch:
 
     def foretold(self, fit: ForceFit) -> float:
         """Misfit of every fold predicted by a fit to the others, as ``ForceFit.misfit`` counts it."""
-        total, used = 0.0, self.data.used
+        total, used = -self.data.by_readings(fit.terms), self.data.used
         for fold in np.unique(self.folds):
             outside = self.folds != fold
             wrong = fit_force(self.data, fit.terms, outside, fit).residual[~outside][used[~outside]]
@@ -95,12 +95,14 @@ def _each_without(fit: ForceFit) -> list[tuple[Start, ...]]:
 
 
 def _without_the_small(search: ForceSearch, best: ForceFit, score: float) -> ForceFit:
-    """The fit without effects that are worth less than is asked, alone and as a share of the largest."""
+    """The fit without effects that are worth less than is asked, alone and as a share of what the largest is worth to
+    the load cell."""
     while best.terms:
         fits = [fit_force(search.data, rest, start=best) for rest in _each_without(best)]
         losses = [search.foretold(fit) - score for fit in fits]
+        of_force = [loss - search.data.by_readings([term]) for loss, term in zip(losses, best.terms, strict=True)]
         k = int(np.argmin(losses))
-        if not losses[k] < max(search.threshold, search.second_share * max(losses)):
+        if not losses[k] < max(search.threshold, search.second_share * max(of_force)):
             break
         best, score = fits[k], score + losses[k]
     return best

@@ -188,7 +188,8 @@ def _claims(case: Case) -> list[Claim]:
     """Every claim with its confidence, the largest first and contacts that wander last."""
     selection = case.selection
     claims = [_voltage_claim(selection, chosen, k) for k, chosen in enumerate(selection.chosen)]
-    claims = [_against_rivals(claim) for claim in [*claims, *case.force.claims, *drift_claims(selection)]]
+    claims += [*case.force.claims, *drift_claims(selection, case.baseline.settling)]
+    claims = [_against_rivals(claim) for claim in claims]
     for rule, why, judged in _rules(case):
         claims = reasoned(claims, judged(claims), rule, why)
     claims = [*map(_as_chosen, claims, selection.chosen), *claims[len(selection.chosen) :]]
@@ -262,12 +263,12 @@ def _rules_of_misfit(case: Case) -> list[tuple[str, str, Callable[[list[Claim]],
 
 
 def _shown_elsewhere(case: Case) -> set[str]:
-    """Names of effects that the specimen, where it agrees, or rest has shown."""
+    """Names of effects that the specimen, where it agrees, or rest has shown, or the load cell beside the readings."""
     agrees = case.selection.specimen == "agrees"
     shown = {finding.effect.name for finding in case.baseline.specimen_findings if agrees}
     if case.baseline.displaced is not None:
         shown.add(case.baseline.displaced.name)
-    return shown
+    return shown | case.baseline.shown_by_force_and_readings
 
 
 def _against_rivals(claim: Claim) -> Claim:

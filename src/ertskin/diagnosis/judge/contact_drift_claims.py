@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -13,8 +15,9 @@ from ertskin.physics.effects.hypothesis import Measured
 Array = NDArray[np.float64]
 
 
-def drift_claims(selection: Selection) -> list[Claim]:
-    """The drifts, the largest first, until the others together are no longer material."""
+def drift_claims(selection: Selection, settling: Collection[int] = ()) -> list[Claim]:
+    """The drifts, the largest first, until the others together are no longer material; those of electrodes that are
+    ``settling`` however little they do: each is sure along the course of all, and no error of another's form."""
     drifts = [
         effect
         for effect in selection.after.effects
@@ -37,8 +40,8 @@ def drift_claims(selection: Selection) -> list[Claim]:
     claims = []
     left = np.sum([wrong for wrong, _ in parts], axis=0)
     for wrong, drift in parts:
-        if _misfit(left) < criteria.material_ratio:
-            break
+        if _misfit(left) < criteria.material_ratio and drift.value("electrode") not in settling:
+            continue
         claims.append(Claim(drift, criteria.drift_confidence, _misfit(wrong), {}))
         left = left - wrong
     return claims

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -19,7 +20,8 @@ from ertskin.diagnosis.specimen.signal import SpecimenSignal
 from ertskin.hardware.recording import Recording
 from ertskin.physics.calibration.indenter_support import IndenterSupport, indenter_support
 from ertskin.physics.calibration.specimen import SpecimenFit, fit_specimen
-from ertskin.physics.effects.effect import ElectrodeEffect
+from ertskin.physics.effects.effect import ElectrodeEffect, Start, shown_by
+from ertskin.physics.effects.hypothesis import Signal
 from ertskin.physics.skin import Skin
 
 Array = NDArray[np.float64]
@@ -34,9 +36,11 @@ UNYIELDING = 1e9, 1e-3
 
 @dataclass(frozen=True, eq=False)
 class Baseline:
-    """``skin`` calibrated at rest, the force stage without and with its effects, forces (T,C) that drive it.
+    """``skin`` calibrated at rest, the force stage without and with its effects and the ``force_data`` it explains,
+    forces (T,C) that drive the skin.
 
-    ``displaced`` a pad that can't be where it should; ``noise`` of whitened scans; ``traces`` (T,P,m) for the evidence;
+    ``displaced`` a pad that can't be where it should; ``noise`` of whitened scans; electrodes whose contacts
+    are ``settling``; ``traces`` (T,P,m) for the evidence;
     ``warmth`` name of the effect that warms the sheet, if the rest frames clearly show one.
     """
 
@@ -44,13 +48,20 @@ class Baseline:
     force_linear: ForceFit | None
     force_best: ForceFit | None
     force_noise: ForceNoise
+    force_data: ForceData | None
     force_n: Array
     specimen: SpecimenSignal
     specimen_findings: tuple[SpecimenFinding, ...]
     displaced: ElectrodeEffect | None
     noise: Noise
+    settling: frozenset[int]
     traces: Array
     warmth: str | None
+
+    @property
+    def shown_by_force_and_readings(self) -> set[str]:
+        """Names of effects that belong to the skin because force and readings together show them."""
+        return {e.name for e in self.skin.effects if shown_by(e, Signal.FORCE) and shown_by(e, Signal.READINGS)}
 
     @property
     def linear_force_n(self) -> Array:
@@ -67,7 +78,7 @@ def calibrated(recording: Recording, evidence: Evidence, resolution: str = "fine
     if not evidence.sensor.layers:
         raise CannotTell("the sensor names no layers: the pressure under a contact is unknown")
     support = _support(recording)
-    linear, best, noise = _force_stage(evidence, support)
+    data, linear, best, noise = _force_stage(evidence, support)
     contacts = np.full(evidence.protocol.electrodes, guessed_ohm(evidence.sensor))
     built = Skin.build(evidence.sensor, evidence.protocol, law.law, contacts, support.stiffness_n_per_m, (), resolution)
     at_rest = rested(built, evidence)
@@ -82,11 +93,13 @@ def calibrated(recording: Recording, evidence: Evidence, resolution: str = "fine
         force_linear=linear,
         force_best=best,
         force_noise=noise,
+        force_data=data,
         force_n=_driving_force(evidence, best, noise),
         specimen=signal,
         specimen_findings=findings,
         displaced=displaced,
         noise=at_rest.noise,
+        settling=at_rest.settling,
         traces=at_rest.traces,
         warmth=at_rest.warmth,
     )
@@ -126,8 +139,17 @@ def _specimen(
     return replace(signal, noise_fraction=scatter, effects=effects), tuple(findings)
 
 
-def _force_stage(evidence: Evidence, support: IndenterSupport) -> tuple[ForceFit | None, ForceFit | None, ForceNoise]:
-    """The fits without and with effects, and the load cell's noise; searched on with the noise that the first shows."""
+def force_fits(data: ForceData, evidence: Evidence, begun: Sequence[Start] = ()) -> tuple[ForceFit, ForceFit]:
+    """The fits of forces without and with effects, beginning with those ``begun``."""
+    folds, criteria = folds_of(evidence.history.press, FORCE_FOLDS), evidence.criteria
+    return select_force_effects(data, folds, criteria.significant_force_gain, criteria.second_share, begun)
+
+
+def _force_stage(
+    evidence: Evidence, support: IndenterSupport
+) -> tuple[ForceData | None, ForceFit | None, ForceFit | None, ForceNoise]:
+    """The forces, their fits without and with effects, and the load cell's noise; searched on with the noise that the
+    first shows."""
     quiet = quiet_noise(evidence, support.force_noise_n)
     stiff, error = UNYIELDING
     if np.isfinite(support.stiffness_n_per_m):
@@ -136,13 +158,11 @@ def _force_stage(evidence: Evidence, support: IndenterSupport) -> tuple[ForceFit
     foam_m = evidence.sensor.layers[0].thickness_m
     data = ForceData(evidence.history, quiet.rms_n, stiff, error, foam_m, evidence.protocol.duration_s)
     if data.used.sum() < 20:
-        return None, None, quiet
-    folds, criteria = folds_of(evidence.history.press, FORCE_FOLDS), evidence.criteria
-    least = criteria.significant_force_gain, criteria.second_share
-    linear, best = select_force_effects(data, folds, *least)
+        return None, None, None, quiet
+    _, best = force_fits(data, evidence)
     noise = pressed_noise(evidence.history, best.residual * quiet.rms_n, quiet)
-    linear, best = select_force_effects(replace(data, noise_n=noise.rms_n), folds, *least, begun=best.terms)
-    return linear, best, noise
+    data = replace(data, noise_n=noise.rms_n)
+    return data, *force_fits(data, evidence, best.terms), noise
 
 
 def _driving_force(evidence: Evidence, best: ForceFit | None, noise: ForceNoise) -> Array:

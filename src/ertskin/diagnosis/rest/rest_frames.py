@@ -61,8 +61,9 @@ CHANCES, RARELY = 400, 0.01
 class Rested:
     """``skin`` calibrated to the mean resting scan ``scan_v`` (P,) with noise ``scan_noise_v``, which left ``misfit``.
 
-    ``drift`` contacts that wander; ``noise`` of whitened scans; ``traces`` (T,P,m) what the evidence leaves out;
-    ``warmth`` name of the effect that warms the sheet, if the frames clearly show one.
+    ``drift`` contacts that wander, of which those of electrodes ``settling`` do so together; ``noise`` of whitened
+    scans; ``traces`` (T,P,m) what the evidence leaves out; ``warmth`` name of the effect that warms the sheet, if the
+    frames clearly show one.
     """
 
     skin: Skin
@@ -70,6 +71,7 @@ class Rested:
     scan_noise_v: float
     misfit: float
     drift: tuple[Effect, ...]
+    settling: frozenset[int]
     noise: Noise
     traces: Array
     warmth: str | None
@@ -95,9 +97,11 @@ def rested(skin: Skin, evidence: Evidence) -> Rested:
     time_s, contacts = evidence.history.time_s[good], skin.contact_resistance_ohm
     run = np.cumsum(~evidence.rest, dtype=np.intp)[good]
     criteria, doubt = evidence.criteria, warmth.doubt
-    drift = _contact_drift(scans - mean, time_s, run, evidence.noise_v, columns, traces, contacts, criteria, doubt)
+    given = evidence.noise_v, columns, traces, contacts, criteria, doubt
+    drift, settling = _contact_drift(scans - mean, time_s, run, *given)
     noise = _scatter(clean, run, columns, (evidence.noise_v, evidence.leftover_error), criteria)
-    return Rested(skin, mean, mean_noise_v, misfit, drift, noise, every[..., : traces.shape[2]], warmth.name)
+    left_out = every[..., : traces.shape[2]]
+    return Rested(skin, mean, mean_noise_v, misfit, drift, settling, noise, left_out, warmth.name)
 
 
 def _settled(scans: Array, evidence: Evidence, good: NDArray[np.bool_], columns: Array, traces: Array) -> float:
@@ -329,16 +333,16 @@ def _contact_drift(
     contacts: Array,
     criteria: Criteria,
     doubt: float = 0.0,
-) -> tuple[Effect, ...]:
+) -> tuple[tuple[Effect, ...], frozenset[int]]:
     """What each contact did over the recording, from its rest frames, where they wander beyond noise and ``doubt``, or
-    settle together where nothing else is in doubt and no places recover.
+    settle together where nothing else is in doubt and no places recover; and the electrodes of those that settle.
 
     ``run`` (R,) numbers the rest frames' runs between presses. A contact that is another one in every run has no path
     that pressed frames could differ from: that is noise. Of fewer than five runs nothing tells the two apart, and a
     contact that isn't the same in them drifts.
     """
     if len(change_v) < ENOUGH_RESTS:
-        return ()
+        return (), frozenset()
     moved, error = _each_moved(change_v, noise_v, columns, traces)
     surprise = np.sqrt(((moved / error) ** 2).mean(axis=0))
     restless = [k for k in range(len(contacts)) if surprise[k] > criteria.clear_errors]
@@ -346,19 +350,31 @@ def _contact_drift(
     rest = np.stack([c - p @ c for c, p in zip(change_v / noise_v, free, strict=True)])
     designs = [columns - p @ columns for p in free]
     # Places that recover settle too, and so does what has been taken off before.
-    settling = {} if traces.any() or doubt else settling_contacts(rest, [d / noise_v for d in designs], time_s).path
-    paths = {k: p for k, p in settling.items() if _alike(moved[:, k] - p, error[:, k], criteria)} | {
+    found = {} if traces.any() or doubt else settling_contacts(rest, [d / noise_v for d in designs], time_s).path
+    settling = {k: _possible(p) for k, p in found.items() if _alike(moved[:, k] - p, error[:, k], criteria)}
+    paths = {
         k: _smoothed(moved[:, k], error[:, k])
         for k in wandering(rest, designs, traces.any(axis=1).sum(axis=1).tolist(), restless, doubt)
         if wanders(*_by_run(moved[:, k], error[:, k], run), criteria)
     }
-    drift, knots = measured_as(Measured.CONTACT_PATH)(), tuple(time_s.tolist())
-    return tuple(
-        drift.changed({"electrode": k, "knot_s": knots, "ohm": tuple((contacts[k] * path).tolist())})
-        for k, path in sorted(paths.items())
-        # Read off the slope at the mean: where that leads to nothing or less, readings hardly show the contact.
-        if path.min() > LEAST_LEFT - 1
-    )
+    # Read off the slope at the mean: where that leads to nothing or less, readings hardly show the contact.
+    paths = settling | {k: path for k, path in paths.items() if path.min() > LEAST_LEFT - 1}
+    return tuple(_drift(k, contacts[k] * path, time_s) for k, path in sorted(paths.items())), frozenset(settling)
+
+
+def _drift(electrode: int, ohm: Array, time_s: Array) -> Effect:
+    """A contact that leaves its resistance by ``ohm`` (R,) at times (R,)."""
+    path = {"electrode": electrode, "knot_s": tuple(time_s.tolist()), "ohm": tuple(ohm.tolist())}
+    return measured_as(Measured.CONTACT_PATH)().changed(path)
+
+
+def _possible(path: Array) -> Array:
+    """(R,) shares of a contact's resistance; where they would leave nothing of it, those of its conductance instead.
+
+    Where driven electrodes aren't read a contact shows by what its pad shunts alone, which goes with the conductance,
+    and may grow forty times.
+    """
+    return path if path.min() > LEAST_LEFT - 1 else path / np.maximum(1 - path, LEAST_LEFT)
 
 
 def _each_moved(change_v: Array, noise_v: float, columns: Array, traces: Array) -> tuple[Array, Array]:

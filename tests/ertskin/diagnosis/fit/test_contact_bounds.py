@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ertskin.diagnosis.fit.joint_fit import FARTHEST_CONTACT, MOST_OHM, _Layout
+from ertskin.diagnosis.fit.joint_fit import FARTHEST_CONTACT, MOST_OHM, Term, _Layout
 from ertskin.diagnosis.linear.calibration_vector import SHAPE, Calibration
 from ertskin.diagnosis.rest.rest_frames import FAR_FROM_GUESS, _step_at_rest
+from ertskin.physics.effects.contact_drift import ContactDrift
 
 CONTACTS = 6
 
@@ -22,6 +23,15 @@ def test_a_fit_keeps_contacts_near_those_at_rest() -> None:
     # One that is open may be closed again, or stay as open as any.
     assert low[-1] == pytest.approx(usual / far)
     assert high[-1] == pytest.approx(MOST_OHM)
+
+
+def test_something_is_left_of_a_contact_that_wanders() -> None:
+    rested = np.full(CONTACTS, 1000.0)
+    vector = Calibration(2e4, rested, 0.0, np.zeros(SHAPE)).vector()
+    drift = ContactDrift(2, (0.0, 10.0), (-600.0, 900.0))
+    low = np.exp(_Layout((Term(drift, ()),), len(vector)).bounds(rested)[0][1 : 1 + CONTACTS])
+    assert low[2] == pytest.approx(600.0 + 0.5 * 400.0)
+    assert (low[[0, 1, 3, 4, 5]] < 100.0).all()
 
 
 def test_at_rest_they_come_back_in_reach_of_what_is_guessed_where_nothing_tells_them() -> None:

@@ -33,14 +33,19 @@ def selection(sizes: list[float]) -> Any:
     return SimpleNamespace(after=solved, problem=problem)
 
 
-def claimed(sizes: list[float]) -> list[int]:
-    return [claim.effect.electrode for claim in drift_claims(selection(sizes))]  # type: ignore[attr-defined]
+def claimed(sizes: list[float], *settling: int) -> list[int]:
+    return [claim.effect.electrode for claim in drift_claims(selection(sizes), settling)]  # type: ignore[attr-defined]
 
 
 def test_small_ones_are_claimed_where_together_they_matter() -> None:
     alone = 0.9 * np.sqrt(DEFAULT.material_ratio**2 - 1)
     assert claimed([alone]) == []
     assert claimed([alone] * 4) == [0, 1, 2]
+
+
+def test_those_that_settle_are_claimed_however_little_they_do() -> None:
+    assert claimed([0.1, 0.1, 0.1], 1) == [1]
+    assert claimed([0.01, 1.0, 0.5, 0.02], 3) == [1, 2, 3]
 
 
 def test_the_largest_comes_first_and_what_is_left_is_not_claimed() -> None:

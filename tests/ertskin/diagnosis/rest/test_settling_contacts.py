@@ -62,8 +62,23 @@ def test_drifts_weaker_than_their_errors_are_found() -> None:
     given = (np.arange(FRAMES), 1.0, 100 * columns, traces, np.full(CONTACTS, 300.0), DEFAULT)
     moved, error = _each_moved(change, 1.0, 100 * columns, traces)
     assert (np.sqrt(((moved / error) ** 2).mean(axis=0))[:CONTACTS] < DEFAULT.clear_errors).all()
-    drifts = _contact_drift(change, TIME_S, *given)
+    drifts, settling = _contact_drift(change, TIME_S, *given)
     assert [getattr(drift, "electrode", None) for drift in drifts] == [1, 4]
+    assert settling == {1, 4}
+
+
+def test_a_contact_that_grows_many_times_over_is_followed_by_its_conductance() -> None:
+    """Readings follow the conductance where only what the pad shunts is read."""
+    rng, size = np.random.default_rng(9), 0.85
+    columns, traces = columns_of(rng), np.zeros((FRAMES, NUMBERS, 3))
+    change = size * np.outer(COURSE, columns[:, 1]) + 0.02 * rng.standard_normal((FRAMES, NUMBERS))
+    given = (np.arange(FRAMES), 0.02, columns, traces, np.full(CONTACTS, 300.0), DEFAULT)
+    drifts, settling = _contact_drift(change, TIME_S, *given)
+    assert settling == {1}
+    ohm = 300.0 + np.array(drifts[0].ohm)  # type: ignore[attr-defined]
+    assert (ohm > 0).all()
+    np.testing.assert_allclose(300.0 / ohm, 1 - size * COURSE, atol=0.1)
+    assert (1 + size * COURSE).min() < 0
 
 
 def test_rest_frames_of_one_time_or_too_few_numbers_tell_nothing() -> None:
