@@ -91,7 +91,8 @@ def _diagnose(
     family = SkinFamily(baseline.skin, resolution)
     selection = _selected(evidence, baseline, family, fitted, selector, report)
     partitions = _partitions(folds_of(evidence.history.press[fitted], FOLDS))
-    baseline, selection = agreed(evidence, baseline, selection, partitions)
+    baseline, selection = agreed(evidence, baseline, selection, resolution, partitions)
+    family = selection.problem.family
     uncorrected = _uncorrected(evidence, baseline, family, fitted, selection)
     report(0.85, "predicting presses no fit has seen")
     found = predictions(evidence, baseline, uncorrected, selection, family, held)

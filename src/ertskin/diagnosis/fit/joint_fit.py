@@ -47,7 +47,7 @@ HIGHER_PRIOR = 0.02
 LONGEST_CONTACT_STEP = 1.5
 """Of the logarithm of a contact resistance, in a step of the fit."""
 STAYING = 0.5
-"""Part of the least that a contact which wanders has at rest, as which it stays while it is fitted."""
+"""Part of the least that a contact which wanders far has at rest, that it keeps while it is fitted."""
 FARTHEST_CONTACT = 4.0
 """Of the logarithm of a contact resistance, from the one at rest and from most of those."""
 REACH = 5.0
@@ -536,8 +536,8 @@ class _Layout:
         low[: self.ratio], high[: self.ratio] = np.log(LEAST_OHM), np.log(MOST_OHM)
         low[contacts] = np.maximum(low[contacts], np.minimum(rested, np.median(rested)) - FARTHEST_CONTACT)
         taken = self._most_taken_ohm(len(contact_ohm))
-        least = np.log(taken + STAYING * np.maximum(contact_ohm - taken, 0.0))
-        low[contacts] = np.where(taken > 0, np.maximum(low[contacts], least), low[contacts])
+        least = taken + STAYING * np.clip(contact_ohm - taken, 0.0, taken)
+        low[contacts] = np.maximum(low[contacts], np.log(np.maximum(least, LEAST_OHM)))
         high[contacts] = np.minimum(high[contacts], np.maximum(rested, np.median(rested)) + FARTHEST_CONTACT)
         low[self.ratio], high[self.ratio] = -WIDEST_RATIO, WIDEST_RATIO
         for k, (term, key) in self._named.items():

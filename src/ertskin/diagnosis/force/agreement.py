@@ -13,6 +13,7 @@ import numpy as np
 
 from ertskin.diagnosis.fit.joint_fit import Solved, Term, VoltageProblem
 from ertskin.diagnosis.force.fit import ForceData, ForceFit, fit_force, force_starts
+from ertskin.diagnosis.linear.calibration_vector import SkinFamily
 from ertskin.diagnosis.recording.evidence import Evidence
 from ertskin.diagnosis.rest.baseline import Baseline, force_fits
 from ertskin.diagnosis.search.form_error import form_error
@@ -26,21 +27,22 @@ Cells = Sequence[Sequence[int]]
 
 
 def agreed(
-    evidence: Evidence, baseline: Baseline, selection: Selection, partitions: Cells
+    evidence: Evidence, baseline: Baseline, selection: Selection, resolution: str, partitions: Cells
 ) -> tuple[Baseline, Selection]:
     """The effects of the force chosen again where the readings have a say in them, and the selection beside these.
 
-    An effect that the readings show significantly and that is then one of the force's is fitted to both.
+    An effect that the readings show significantly, but not so that it was chosen by them, and that is then one of the
+    force's is fitted to both.
     """
     data, best = baseline.force_data, baseline.force_best
     if data is None or best is None or not best.effects:
         return baseline, selection
-    both = [kind for kind in effects_shown_by(Signal.FORCE) if shown_by(kind, Signal.READINGS)]
-    losses = {one.term.name: one.loss for one in selection.chosen}
-    gains = {kind.name: losses[kind.name] for kind in both if kind.name in losses}
+    chosen = {one.term.name for one in selection.chosen}
+    gains: dict[str, float] = {}
     seen: list[Effect] = []
-    for kind in both:
-        likely = None if kind.name in gains else _likely(data, best, kind.name, evidence)
+    for kind in effects_shown_by(Signal.FORCE):
+        undecided = kind.name not in chosen and shown_by(kind, Signal.READINGS)
+        likely = _likely(data, best, kind.name, evidence) if undecided else None
         if likely is None:
             continue
         gain, effect = _in_readings(evidence, selection, likely, partitions)
@@ -50,13 +52,15 @@ def agreed(
     if not any(gains.values()):
         return baseline, selection
     data = replace(data, in_readings=gains)
-    linear, best = force_fits(data, evidence, best.terms)
-    names = {effect.name for effect in best.effects}
+    linear, again = force_fits(data, evidence, best.terms)
+    names = {effect.name for effect in again.effects}
     joining = [effect for effect in seen if effect.name in names]
     others = [effect for effect in baseline.skin.effects if not isinstance(effect, FoamEffect)]
-    skin = replace(baseline.skin, pad_n_per_m=best.pad_n_per_m, effects=(*best.foam, *joining, *others))
-    baseline = replace(baseline, skin=skin, force_linear=linear, force_best=best, force_data=data)
-    return baseline, _beside(selection, skin.effects)
+    skin = replace(baseline.skin, pad_n_per_m=again.pad_n_per_m, effects=(*again.foam, *joining, *others))
+    baseline = replace(baseline, skin=skin, force_linear=linear, force_best=again, force_data=data)
+    if not joining and {effect.name for effect in best.foam} == {effect.name for effect in again.foam}:
+        return baseline, selection
+    return baseline, _beside(selection, SkinFamily(skin, resolution), (*again.foam, *joining))
 
 
 def _likely(data: ForceData, best: ForceFit, name: str, evidence: Evidence) -> Effect | None:
@@ -90,19 +94,22 @@ def _in_readings(evidence: Evidence, selection: Selection, likely: Effect, parti
     mended = form_error(problem, present, partitions, current.effects).gain - left
     gain = gained(without, present, partitions, evidence.criteria) + mended
     if nonreciprocal:
-        gain = min(gain, beyond_networks(problem, without) - beyond_networks(problem, present))
+        gain = min(gain, _beyond_networks(problem, without) - _beyond_networks(problem, present))
     return gain, present.effects[-1]
 
 
-def beyond_networks(problem: VoltageProblem, solved: Solved) -> float:
+def _beyond_networks(problem: VoltageProblem, solved: Solved) -> float:
     """Half chi-square of what no network explains, of the frames in which a fit is held to it."""
     residual = problem.acquisition.residual(problem.family.skin(solved.calibration, solved.effects))
     return 0.5 * float(np.square(residual).sum())
 
 
-def _beside(selection: Selection, effects: Sequence[Effect]) -> Selection:
-    """The selection's terms fitted beside the ``effects`` that belong to every set."""
-    problem, after = selection.problem, selection.after
+def _beside(selection: Selection, family: SkinFamily, effects: Sequence[Effect]) -> Selection:
+    """The selection's terms fitted beside these ``effects`` of the force instead of those before."""
+    after, problem = selection.after, replace(selection.problem, family=family)
+    count = len(after.terms) - len(selection.chosen)
+    kept = [term for term in after.terms[:count] if not isinstance(term.effect, FoamEffect)]
     terms = [Term(e, e.hypothesis.also_in_readings) for e in effects]
-    terms += [term for term, _ in selection.found]
-    return replace(selection, after=problem.solve(terms, after.calibration, leftover=after.leftover))
+    terms += [*kept, *after.terms[count:]]
+    solved = problem.solve(terms, after.calibration, leftover=after.leftover)
+    return replace(selection, after=solved, problem=problem)

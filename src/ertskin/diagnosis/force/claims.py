@@ -46,9 +46,11 @@ def force_answer(evidence: Evidence, baseline: Baseline, selection: Selection, h
     # What the readings show as well is claimed by them, who know its course.
     shown = {chosen.term.name for chosen in selection.chosen}
     terms = [term for term in best.terms if term.effect.name not in shown]
+    both = baseline.shown_by_force_and_readings
     claims = [_felt(_claim(evidence.criteria, baseline, best, term), selection) for term in terms]
+    claims = [replace(claim, by_force=claim.effect.name not in both) for claim in claims]
     # What the load cell would miss without it; what the readings show too needn't be material to the load cell.
-    material, both = evidence.criteria.material_ratio, baseline.shown_by_force_and_readings
+    material = evidence.criteria.material_ratio
     claims = [claim for claim in claims if claim.effect.name in both or claim.ratio_alone > material]
     off = _off(evidence, baseline)
     if off:

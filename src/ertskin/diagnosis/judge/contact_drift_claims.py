@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 
 def drift_claims(selection: Selection, settling: Collection[int] = ()) -> list[Claim]:
     """The drifts, the largest first, until the others together are no longer material; those of electrodes that are
-    ``settling`` however little they do: each is sure along the course of all, and no error of another's form."""
+    ``settling`` however little they do: each is sure along the course of all."""
     drifts = [
         effect
         for effect in selection.after.effects

@@ -358,8 +358,10 @@ def _contact_drift(
         if wanders(*_by_run(moved[:, k], error[:, k], run), criteria)
     }
     # Read off the slope at the mean: where that leads to nothing or less, readings hardly show the contact.
-    paths = settling | {k: path for k, path in paths.items() if path.min() > LEAST_LEFT - 1}
-    return tuple(_drift(k, contacts[k] * path, time_s) for k, path in sorted(paths.items())), frozenset(settling)
+    paths = {k: path for k, path in paths.items() if path.min() > LEAST_LEFT - 1}
+    settling = {k: path for k, path in settling.items() if k not in paths}
+    drifts = (_drift(k, contacts[k] * path, time_s) for k, path in sorted((settling | paths).items()))
+    return tuple(drifts), frozenset(settling)
 
 
 def _drift(electrode: int, ohm: Array, time_s: Array) -> Effect:
@@ -372,9 +374,9 @@ def _possible(path: Array) -> Array:
     """(R,) shares of a contact's resistance; where they would leave nothing of it, those of its conductance instead.
 
     Where driven electrodes aren't read a contact shows by what its pad shunts alone, which goes with the conductance,
-    and may grow forty times.
+    and may grow forty times; it is followed up to fifty.
     """
-    return path if path.min() > LEAST_LEFT - 1 else path / np.maximum(1 - path, LEAST_LEFT)
+    return path if path.min() > LEAST_LEFT - 1 else 1 / np.maximum(1 - path, LEAST_LEFT) - 1
 
 
 def _each_moved(change_v: Array, noise_v: float, columns: Array, traces: Array) -> tuple[Array, Array]:

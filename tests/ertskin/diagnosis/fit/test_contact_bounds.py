@@ -32,6 +32,8 @@ def test_something_is_left_of_a_contact_that_wanders() -> None:
     low = np.exp(_Layout((Term(drift, ()),), len(vector)).bounds(rested)[0][1 : 1 + CONTACTS])
     assert low[2] == pytest.approx(600.0 + 0.5 * 400.0)
     assert (low[[0, 1, 3, 4, 5]] < 100.0).all()
+    little = Term(ContactDrift(2, (0.0, 10.0), (-1.0, 1.0)), ())
+    assert np.exp(_Layout((little,), len(vector)).bounds(rested)[0][3]) < 100.0
 
 
 def test_at_rest_they_come_back_in_reach_of_what_is_guessed_where_nothing_tells_them() -> None:

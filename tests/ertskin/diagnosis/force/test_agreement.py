@@ -46,7 +46,7 @@ def named(baseline: Baseline, selection: Selection) -> tuple[list[str], Selectio
     evidence = selection.problem.evidence
     assert baseline.force_data is not None
     evidence = replace(evidence, history=baseline.force_data.history)
-    baseline, selection = agreed(evidence, baseline, selection, PARTITIONS)
+    baseline, selection = agreed(evidence, baseline, selection, "fast", PARTITIONS)
     assert baseline.force_best is not None
     return [effect.name for effect in baseline.force_best.effects], selection
 
