@@ -55,20 +55,20 @@ def agreed(
     linear, again = force_fits(data, evidence, best.terms)
     names = {effect.name for effect in again.effects}
     joining = [effect for effect in seen if effect.name in names]
-    others = [effect for effect in baseline.skin.effects if not isinstance(effect, FoamEffect)]
-    skin = replace(baseline.skin, pad_n_per_m=again.pad_n_per_m, effects=(*again.foam, *joining, *others))
-    baseline = replace(baseline, skin=skin, force_linear=linear, force_best=again, force_data=data)
+    baseline = replace(baseline, force_linear=linear, force_best=again, force_data=data)
     if not joining and {effect.name for effect in best.foam} == {effect.name for effect in again.foam}:
         return baseline, selection
-    return baseline, _beside(selection, SkinFamily(skin, resolution), (*again.foam, *joining))
+    others = [effect for effect in baseline.skin.effects if not isinstance(effect, FoamEffect)]
+    skin = replace(baseline.skin, pad_n_per_m=again.pad_n_per_m, effects=(*again.foam, *joining, *others))
+    return replace(baseline, skin=skin), _beside(selection, SkinFamily(skin, resolution), (*again.foam, *joining))
 
 
 def _likely(data: ForceData, best: ForceFit, name: str, evidence: Evidence) -> Effect | None:
     """The named effect as the forces' likeliest fit with it has it, in another's stead or beside them; None where it is
     surely less likely than those without."""
-    here = [effect for effect in best.effects if effect.name == name]
-    if here:
-        return here[0]
+    present = [effect for effect in best.effects if effect.name == name]
+    if present:
+        return present[0]
     sets = [best.terms, *(tuple(o for o in best.terms if o is not term) for term in best.terms)]
     fits = [fit_force(data, [*rest, start], start=best) for rest in sets for start in force_starts()[name]]
     likeliest = min(fits, key=lambda fit: fit.information)

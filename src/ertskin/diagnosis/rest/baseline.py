@@ -39,9 +39,9 @@ class Baseline:
     """``skin`` calibrated at rest, the force stage without and with its effects and the ``force_data`` it explains,
     forces (T,C) that drive the skin.
 
-    ``displaced`` a pad that can't be where it should; ``noise`` of whitened scans; electrodes whose contacts
-    are ``settling``; ``traces`` (T,P,m) for the evidence;
-    ``warmth`` name of the effect that warms the sheet, if the rest frames clearly show one.
+    ``displaced`` a pad that can't be where it should; ``noise`` of whitened scans; electrodes whose contacts are
+    ``settling``; ``traces`` (T,P,m) for the evidence; ``warmth`` name of the effect that warms the sheet, if the rest
+    frames clearly show one.
     """
 
     skin: Skin
