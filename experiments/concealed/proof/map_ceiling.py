@@ -1,0 +1,121 @@
+"""What presses could tell of a field of sensitivity at best: ``map_ceiling.py RESULTS...``, in this folder.
+
+RESULTS are folders of opened samples. For every hidden field that only presses show, the true values at the sensing
+points that the plan presses, carried to all others by a Gaussian process (Matern 3/2, a mean of its own) of the length
+that does it best: nobody knows that length, nor the values so well. A press feels more than its point, so a map may
+do better where the field is smooth; where it isn't, what a map of the whole sheet is worth can't be more.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import seals
+from judged import CORRELATION, Judged
+from numpy.typing import NDArray
+from record import skin_of
+from scipy.spatial.distance import cdist
+from score import judged, opened
+from suite import Case, suite
+
+Array = NDArray[np.float64]
+
+LENGTHS = (2.0, 1.0, 0.5, 0.25, 0.13, 0.07)
+"""Of the Gaussian process, over the sheet's longer side."""
+JITTER = 1e-6
+FIELD = "piezo_inhomogeneity"
+METHOD = "ertskin"
+
+
+@dataclass(frozen=True)
+class Ceiling:
+    """A hidden field of a case: how many of the sensing ``points`` are ``pressed``, the correlation with the true field
+    that true values there come to at ``best``, and that of the map that was ``said`` (0 without one)."""
+
+    case: Judged
+    form: str
+    own: float
+    pressed: int
+    points: int
+    best: float
+    said: float
+
+
+def ceilings(results: Path) -> Iterator[Ceiling]:
+    """Those of an opened sample; raises ``SealError`` where its seals don't hold."""
+    committed, secret = seals.read_json(results / "commitments.json"), seals.read_json(results / "opened.json.xz")
+    about = committed["suite"]
+    drawn = {case.name: case for case in suite(bytes.fromhex(secret["secret"]), about["families"], about["small"])}
+    for case in judged(results, opened(results))[METHOD]:
+        hidden = case.truth_of(FIELD)
+        if hidden is not None:
+            yield _ceiling(case, hidden, drawn[case.name])
+
+
+def _ceiling(case: Judged, hidden: dict[str, Any], drawn: Case) -> Ceiling:
+    point_m, true = np.array(case.truth["point_m"]), np.array(hidden["details"]["map"])
+    place_m = np.concatenate([press.position_m for press in skin_of(drawn).plan.presses])
+    pressed = np.unique(cdist(place_m, point_m).argmin(axis=1))
+    side_m = float(np.ptp(point_m, axis=0).max())
+    best = max(_correlation(carried(point_m, pressed, true[pressed], length * side_m), true) for length in LENGTHS)
+    said = max((case.correlation(one) for one in case.claims if one["name"] == FIELD), default=0.0)
+    return Ceiling(case, hidden["form"], hidden["own"], len(pressed), len(point_m), best, said)
+
+
+def carried(point_m: Array, known: NDArray[np.intp], value: Array, length_m: float) -> Array:
+    """(N,) a field at points (N,2) of which the ``value`` (k,) is known at ``known`` (k,) of them."""
+    among = _matern(point_m[known], point_m[known], length_m) + JITTER * np.eye(len(known))
+    one = np.linalg.solve(among, np.ones(len(known)))
+    mean = one @ value / one.sum()
+    return np.asarray(mean + _matern(point_m, point_m[known], length_m) @ np.linalg.solve(among, value - mean))
+
+
+def _matern(one_m: Array, other_m: Array, length_m: float) -> Array:
+    apart = np.sqrt(3.0) * cdist(one_m, other_m) / length_m
+    return np.asarray((1 + apart) * np.exp(-apart))
+
+
+def _correlation(found: Array, true: Array) -> float:
+    return 0.0 if np.ptp(found) == 0.0 else float(np.corrcoef(found, true)[0, 1])
+
+
+def _line(sample: str, one: Ceiling) -> str:
+    what = f"{one.case.kind}, {one.form} {one.own:.3g}"
+    where = f"{one.case.truth['presses']}, {one.pressed} of {one.points}"
+    right = "yes" if one.case.all_found else ""
+    return f"| {one.case.name} of `{sample}` | {what} | {where} | {one.best:.2f} | {one.said:.2f} | {right} |"
+
+
+def _summary(kind: str, found: list[Ceiling]) -> str:
+    within, beyond = ([one for one in found if (one.best >= CORRELATION) is told] for told in (True, False))
+    right, lucky = (sum(one.case.all_found for one in some) for some in (within, beyond))
+    said = f"{len(within)} reach {CORRELATION} at best, of which {right} are right"
+    return f"{kind}: of {len(found)} fields {said}, {len(beyond)} don't, of which {lucky} are."
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("results", type=Path, nargs="+", help="folders of opened samples")
+    options = parser.parse_args()
+    try:
+        found = [(results.name, one) for results in options.results for one in ceilings(results)]
+    except seals.SealError as error:
+        print(error, file=sys.stderr)
+        return 2
+    print("| recording | kind, form, own ratio | presses, points pressed | at best | said | all names right |")
+    print("| --- | --- | --- | --- | --- | --- |")
+    for sample, one in found:
+        print(_line(sample, one))
+    for kind in ("single", "compound"):
+        print(f"\n{_summary(kind, [one for _, one in found if one.case.kind == kind])}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
