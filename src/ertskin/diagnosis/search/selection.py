@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ertskin.diagnosis.contract.claims import Rival, Tried
+from ertskin.diagnosis.criteria import Criteria
 from ertskin.diagnosis.fit.cross_validation import log_misfit, numbers_of, refitted
 from ertskin.diagnosis.fit.full_solution_check import CheckedFit, checked_fit, exact, settled
 from ertskin.diagnosis.fit.joint_fit import Solved, Term, VoltageProblem
@@ -63,9 +64,8 @@ class Chosen:
 
     ``ratio_alone``: rms over noise that this term by itself would make, on frames held out. ``confidence``: that of
     another way to choose, which no rule changes; None where it follows from the rivals and the rules. ``by_place``:
-    misfits over noise of the presses fitted without the field that it is, and with it told place by place. ``at_rest``:
-    what a frame at rest loses without it, over what a frame fitted does. ``by_lag``: what the fit loses if it followed
-    presses at once; None of what has no such limit.
+    misfits over noise of the presses fitted without the field that it is, and with it told place by place. ``by_lag``:
+    what the fit loses if it followed presses at once; None of what has no such limit.
     """
 
     term: Term
@@ -74,7 +74,6 @@ class Chosen:
     rivals: Rivals
     confidence: float | None = None
     by_place: tuple[float, float] | None = None
-    at_rest: float = 0.0
     by_lag: float | None = None
 
 
@@ -217,7 +216,7 @@ class _Search:
         if len(still) == len(terms):
             return None
         self.fixed = len(still)
-        proposed = self.one_more(_calibrated(self.build, still, start))
+        proposed = self.one_more(_calibrated(self.build, still, start), lambda trial: _remembers_air(trial.solved))
         if proposed is None or not _remembers_air(proposed.solved):
             return None
         proposed = self._where_readings_remember(proposed)
@@ -251,8 +250,9 @@ class _Search:
         self.fixed = len(fixed)
         return incumbent
 
-    def one_more(self, incumbent: CheckedFit) -> CheckedFit | None:
-        """With the likeliest term more; None where none gains enough."""
+    def one_more(self, incumbent: CheckedFit, wanted: Callable[[Trial], bool] | None = None) -> CheckedFit | None:
+        """With the likeliest term more; None where none gains enough, or where none of the likely ones is ``wanted``:
+        settling the others is most of the work."""
         problem, current = incumbent.problem, incumbent.problem.at_hand(incumbent.solved)
         found = screen(problem, current, self.partitions)
         left = form_error(problem, current, self.partitions, current.effects).gain
@@ -260,6 +260,9 @@ class _Search:
         trials = trials_of(
             problem, current, found, self.partitions, left, partial(_gone_elsewhere, self.build, problem)
         )
+        if wanted is not None and not any(map(wanted, _likely(trials, problem.evidence.criteria))):
+            self.tried += [_as_tried(trial, False) for trial in trials]
+            return None
         entered = self._first_to_enter(incumbent, trials)
         if entered is None:
             beyond = unforeseen(problem, current, found, self.partitions)
@@ -349,7 +352,7 @@ class _Search:
         rest = [*current.terms[:number], *current.terms[number + 1 :]]
         begun = problem.solve(rest, current.calibration, leftover=current.leftover)
         without = where_it_settles(self.build, problem, begun)
-        proposed = None if without is None else self.one_more(without)
+        proposed = None if without is None else self.one_more(without, lambda trial: trial.term.name != field.name)
         return None if proposed is None or proposed.solved.terms[-1].name == field.name else proposed
 
     def pruned(self, incumbent: CheckedFit) -> tuple[tuple[Chosen, ...], CheckedFit]:
@@ -399,6 +402,12 @@ def _with_fields_by_place(
         told = replace(found[number], term=fit[1].solved.terms[-1])
         return (*found[:number], *found[number + 1 :], told), fit[1]
     return tuple(found), incumbent
+
+
+def _likely(trials: Sequence[Trial], criteria: Criteria) -> list[Trial]:
+    """Those that gain at least half of what the best one gains: of less likely ones none takes a field's place."""
+    least = criteria.most_share * max((trial.gain for trial in trials), default=0.0)
+    return [trial for trial in trials if trial.gain >= least]
 
 
 def _as_tried(trial: Trial, kept: bool) -> Tried:
@@ -600,15 +609,6 @@ def _gone_elsewhere(build: Problem, problem: VoltageProblem, solved: Solved) -> 
     return None if fit is None or fit.problem is problem else fit
 
 
-def _lost_at_rest(problem: VoltageProblem, without: Solved, solved: Solved) -> float:
-    """What a frame at rest loses of its fit without a term, over what a frame of all those fitted loses; 0 where these
-    lose nothing."""
-    fitted = problem.weight > 0
-    lost = (without.scan_residual**2 - solved.scan_residual**2).sum(axis=1)
-    rest, of_all = problem.evidence.rest & fitted, float(lost[fitted].mean())
-    return float(lost[rest].mean()) / of_all if rest.any() and of_all > 0 else 0.0
-
-
 def _key(term: Term) -> str:
     return f"{term.name}:{getattr(term.effect, 'electrode', getattr(term.effect, 'channel', ''))}"
 
@@ -638,8 +638,7 @@ def _backward(
             # The instrument's terms gain in every reading, the others in the pairs.
             width = problem.evidence.protocol.orthonormal.shape[0 if shown_by(term.effect, Signal.NONRECIPROCAL) else 1]
             alone = float(np.sqrt(1 + 2 * max(loss, 0.0) / (frames * width / problem.evidence.scan_v.shape[1])))
-            at_rest = _lost_at_rest(problem, without, current)
-            chosen.append(Chosen(term, loss, alone, stand.get(_key(term), ()), at_rest=at_rest))
+            chosen.append(Chosen(term, loss, alone, stand.get(_key(term), ())))
         if dropped is None:
             return tuple(chosen), current
         current = dropped[1]

@@ -60,7 +60,8 @@ def test_a_term_that_others_half_tell_is_as_far_away_as_they_leave_it() -> None:
     assert found[0] == pytest.approx(0.5 + 0.5 * (1.0 - 1e3 * step) ** 2)
 
 
-def test_what_did_not_hold_where_it_settles_is_not_settled_once_more(monkeypatch: pytest.MonkeyPatch) -> None:
+def searching(monkeypatch: pytest.MonkeyPatch, found: list[Any], beyond: list[Any]) -> tuple[Any, Any, list[str]]:
+    """A search whose trials are those ``found``, a fit to begin with, and what it then settles, none of which holds."""
     settled: list[str] = []
 
     def settle(build: Any, solved: Any) -> CheckedFit:
@@ -72,16 +73,31 @@ def test_what_did_not_hold_where_it_settles_is_not_settled_once_more(monkeypatch
     monkeypatch.setattr(selection, "form_error", lambda *given: SimpleNamespace(gain=0.0))
     monkeypatch.setattr(selection, "worth_a_name", lambda *given: 1.0)
     monkeypatch.setattr(selection, "is_worth_a_name", lambda *given: True)
-    monkeypatch.setattr(selection, "trials_of", lambda *given: [trial("wild", "one", 50.0)])
-    monkeypatch.setattr(selection, "unforeseen", lambda *given: [trial("far", "other", 40.0)])
+    monkeypatch.setattr(selection, "trials_of", lambda *given: list(found))
+    monkeypatch.setattr(selection, "unforeseen", lambda *given: beyond)
     monkeypatch.setattr(selection, "_as_tried", lambda one, kept: one.solved)
     monkeypatch.setattr(selection, "exchanged", lambda *given: None)
     monkeypatch.setattr(selection, "told_by_place", lambda *given: None)
-    solved = SimpleNamespace(effects=(), terms=())
     problem: Any = SimpleNamespace(evidence=PROBLEM.evidence, at_hand=lambda solved: solved)
     search = selection._Search(lambda solved: problem, [[0]], lambda share, text: None, 0, {})
-    assert search.one_more(CheckedFit(problem, solved, 3.0, 0.0)) is None  # type: ignore[arg-type]
+    return search, CheckedFit(problem, SimpleNamespace(effects=(), terms=()), 3.0, 0.0), settled  # type: ignore[arg-type]
+
+
+def test_what_did_not_hold_where_it_settles_is_not_settled_once_more(monkeypatch: pytest.MonkeyPatch) -> None:
+    search, fit, settled = searching(monkeypatch, [trial("wild", "one", 50.0)], [trial("far", "other", 40.0)])
+    assert search.one_more(fit) is None
     assert settled == ["wild", "far"]
+    assert search.tried == ["wild", "far"]
+
+
+@pytest.mark.parametrize(("gain", "expected"), [(20.0, []), (30.0, ["wild", "far"])])
+def test_nothing_is_settled_where_nothing_likely_is_wanted(
+    gain: float, expected: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    found = [trial("wild", "one", 50.0), trial("far", "other", gain)]
+    search, fit, settled = searching(monkeypatch, found, [])
+    assert search.one_more(fit, lambda one: one.solved == "far") is None
+    assert settled == expected
     assert search.tried == ["wild", "far"]
 
 

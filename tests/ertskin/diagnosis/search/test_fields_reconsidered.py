@@ -40,7 +40,7 @@ def reconsidered(
     """The names chosen where ``then`` enters in the field's place, and those it was asked beside."""
     asked: list[str] = []
 
-    def one_more(search: selection._Search, without: CheckedFit) -> CheckedFit | None:
+    def one_more(search: selection._Search, without: CheckedFit, wanted: object) -> CheckedFit | None:
         asked.extend(term.name for term in without.solved.terms)
         return None if then is None else replace(fit_of(*without.solved.terms, then), misfit=misfit)
 
@@ -83,7 +83,7 @@ def test_fixed_terms_stay(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.parametrize("misfit", [1.0, 1.2])
 def test_a_search_that_comes_to_nothing_changes_nothing(misfit: float, monkeypatch: pytest.MonkeyPatch) -> None:
-    def one_more(search: selection._Search, without: CheckedFit) -> CheckedFit:
+    def one_more(search: selection._Search, without: CheckedFit, wanted: object) -> CheckedFit:
         search.tried.append(Tried(("drift", "pad"), 9.0, True))
         search.stand["pad:"] = ()
         return replace(fit_of(*without.solved.terms, PAD), misfit=misfit)

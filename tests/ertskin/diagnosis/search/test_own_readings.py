@@ -103,7 +103,7 @@ def fit_of(terms: tuple[Any, ...], at_rest: float) -> CheckedFit:
 def test_what_places_keep_takes_the_stead_of_contacts_that_wander(
     contacts: int, entered: Any, alone: float, both: float, taken: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def one_more(search: selection._Search, without: CheckedFit) -> CheckedFit | None:
+    def one_more(search: selection._Search, without: CheckedFit, wanted: object) -> CheckedFit | None:
         assert not without.solved.terms
         search.tried.append(Tried(("it",), 9.0, True))
         return None if entered is None else fit_of((entered,), alone)
