@@ -28,7 +28,6 @@ from ertskin.diagnosis.judge.confidence import (
     left_beyond,
     left_over,
     mending,
-    needs_a_press,
     noisy,
     of_maps,
     overshadowed,
@@ -48,7 +47,7 @@ from ertskin.diagnosis.rest.baseline import Baseline
 from ertskin.diagnosis.rest.rest_frames import STANDS_OUT
 from ertskin.diagnosis.search.selection import Chosen, Selection
 from ertskin.physics.effects.effect import Stage, shown_by
-from ertskin.physics.effects.hypothesis import Axis, Measured, Signal
+from ertskin.physics.effects.hypothesis import Measured, Signal
 from ertskin.physics.effects.registry import measured_as
 
 SPOILT = "presses that no fit has seen are predicted worse with what is named than without"
@@ -204,7 +203,7 @@ def _rules(case: Case) -> list[tuple[str, str, Callable[[list[Claim]], list[Clai
     shape = case.evidence.protocol.orthonormal.shape
     residuals = (selection.before.scan_residual, selection.after.scan_residual)
     rest, shown = selection.problem.evidence.rest, _shown_elsewhere(case)
-    at_rest, by_lag = _shown_at_rest(selection, criteria), [chosen.by_lag for chosen in selection.chosen]
+    by_lag = [chosen.by_lag for chosen in selection.chosen]
     misled, spoilt = case.found.misled(criteria), case.found.spoilt(criteria)
     return [
         *_rules_of_misfit(case),
@@ -216,7 +215,7 @@ def _rules(case: Case) -> list[tuple[str, str, Callable[[list[Claim]], list[Clai
         (
             "mending",
             "small beside one that depends on the same: it may mend that one's form",
-            lambda c: mending(c, criteria, shown, case.baseline.warmth, at_rest),
+            lambda c: mending(c, criteria),
         ),
         (
             "overshadowed",
@@ -236,18 +235,6 @@ def _rules(case: Case) -> list[tuple[str, str, Callable[[list[Claim]], list[Clai
         ("spoiling", SPOILT, lambda c: spoiling(c, criteria, misled=misled, spoilt=spoilt)),
         ("maps", "fields so sure have had the right map less often", of_maps),
     ]
-
-
-def _shown_at_rest(selection: Selection, criteria: Criteria) -> set[str]:
-    """Names of effects that need no press and stay as they are, without any of which a frame at rest loses at least
-    half as much as a frame fitted does."""
-    shown: set[str] = set()
-    hidden: set[str] = set()
-    for chosen in selection.chosen:
-        effect = chosen.term.effect
-        stays = not needs_a_press(effect) and not {Axis.TIME, Axis.HISTORY} & set(effect.hypothesis.axes)
-        (shown if stays and chosen.at_rest >= criteria.most_share else hidden).add(effect.name)
-    return shown - hidden
 
 
 def _rules_of_misfit(case: Case) -> list[tuple[str, str, Callable[[list[Claim]], list[Claim]]]]:

@@ -1,0 +1,97 @@
+"""By how much evidence is to be discounted: ``python experiments/concealed/proof/discount.py RESULTS...``.
+
+RESULTS are folders of opened samples. Of every claim that is no field and that its rivals made less sure, how likely
+whether it was right is by other values of ``evidence_discount`` than the one it was made by; what the rules took from
+it stays. Contacts that wander, whose confidence is a number of its own, are left out, and ties stay ties.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import seals
+from judged import DiagnosisError, Judged
+from score import judged, opened
+
+METHOD = "ertskin"
+DISCOUNTS = (1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 12.0, 15.0)
+FIRST = 10.0
+"""The discount of diagnoses that don't say theirs."""
+SURE = 0.985
+"""Confidence by the rivals from which on they say nothing."""
+SUREST = 0.99
+LEFT_OUT = ("piezo_inhomogeneity", "sheet_inhomogeneity", "contact_drift")
+LEAST_REST = 1e-3
+"""Odds of all rivals that aren't stated, from which on they count."""
+CHANGED_BY = ("mending", "at_once")
+"""Rules that add alternatives of their own."""
+
+
+@dataclass(frozen=True)
+class Doubted:
+    """A claim that rivals made less sure: the half chi-square ``short`` by which each falls short, what the rules left
+    of its confidence, and whether it was right."""
+
+    short: tuple[float, ...]
+    factor: float
+    right: bool
+
+    def probability(self, discount: float) -> float:
+        """Of being right, had evidence been discounted by this."""
+        weights = np.exp(-np.maximum(self.short, 0.0) / discount)
+        return float(min(SUREST, 1 / (1 + weights.sum())) * self.factor)
+
+
+def doubted(case: Judged) -> Iterator[Doubted]:
+    """Those of a case."""
+    made_by = float((case.diagnosis.get("criteria") or {}).get("evidence_discount", FIRST))
+    for claim in case.claims:
+        by_rule = {reason["rule"]: float(reason["after"]) for reason in claim.get("reasons") or []}
+        by_rivals = by_rule.get("rivals", 1.0)
+        if claim["name"] not in LEFT_OUT and by_rivals < SURE:
+            short = made_by * -np.log(_odds(claim, by_rivals, bool(set(CHANGED_BY) & set(by_rule))))
+            yield Doubted(tuple(short), float(claim["confidence"]) / by_rivals, case.is_right(claim))
+
+
+def _odds(claim: dict[str, Any], confidence: float, changed: bool) -> Any:
+    """(r,) odds of the rivals against the claim; those too unlikely to be stated, or mixed with others, count as
+    so many alike as tie at most."""
+    stated = [] if changed else [float(one["confidence"]) / confidence for one in claim.get("alternatives") or []]
+    rest = 1 / confidence - 1 - sum(stated)
+    alike = int(np.ceil(rest)) if rest > LEAST_REST else 0
+    return np.minimum([*stated, *[rest / max(alike, 1)] * alike], 1.0)
+
+
+def log_likelihood(claims: list[Doubted], discount: float) -> float:
+    """In nats."""
+    chance = [one.probability(discount) if one.right else 1 - one.probability(discount) for one in claims]
+    return float(np.log(np.clip(chance, 0.01, 1.0)).sum())
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("results", type=Path, nargs="+", help="folders of opened samples")
+    options = parser.parse_args()
+    try:
+        cases = [case for results in options.results for case in judged(results, opened(results))[METHOD]]
+    except (seals.SealError, DiagnosisError) as error:
+        print(error, file=sys.stderr)
+        return 2
+    found = [one for case in cases for one in doubted(case)]
+    print(f"{len(found)} claims that rivals made less sure, {sum(one.right for one in found)} right\n")
+    print("| discount | log-likelihood | expected to be right |")
+    print("| --- | --- | --- |")
+    for discount in DISCOUNTS:
+        expected = sum(one.probability(discount) for one in found)
+        print(f"| {discount:g} | {log_likelihood(found, discount):.1f} | {expected:.1f} |")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
