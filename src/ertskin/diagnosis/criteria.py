@@ -163,7 +163,8 @@ class Criteria:
         "half chi-square",
         "by which evidence counts as odds of e: forms are never exact, and frames of a press share their errors",
         "likeliest by the 63 names of eighteen sealed samples that had rivals and are no fields: 52 were right where "
-        "odds by 10 expected 41; 4 to 8 within a nat, by the last eleven samples alone 3 (experiments/concealed/proof/discount.py)",
+        "odds by 10 expected 41; 4 to 8 within a nat, by the last eleven alone 3 "
+        "(experiments/concealed/proof/discount.py)",
         above=0,
     )
     surest_confidence: float = criterion(
