@@ -116,6 +116,8 @@ def draw(scores: Scores, path: Path) -> None:
     axes.plot([0, 1], [0, 1], color="0.7", label="calibrated")
     for method, one in scores.items():
         bins = one["reliability"]
+        if not bins:
+            continue
         axes.plot([b["confidence"] for b in bins], [b["right"] for b in bins], marker="o", label=method)
         for b in bins:
             axes.annotate(
