@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from discount import Doubted, doubted, log_likelihood
+from discount import FIRST, Doubted, doubted, log_likelihood, over_first
 from judged import Judged
 from score import judged, opened
 
@@ -25,31 +25,36 @@ def cases() -> list[Judged]:
 
 
 def test_claims_made_by_a_discount_come_out_again(cases: list[Judged]) -> None:
-    by_case = [(case, found) for case in cases if (found := list(doubted(case)))]
-    assert len(by_case) > 50
-    for case, found in by_case:
-        made_by = case.diagnosis["criteria"]["evidence_discount"]
-        stated = {round(float(claim["confidence"]), 3) for claim in case.claims}
-        assert all(min(abs(one.probability(made_by) - c) for c in stated) < 0.011 for one in found), case.name
+    found = [(one, case.diagnosis["criteria"]["evidence_discount"]) for case in cases for one in doubted(case)]
+    assert len(found) > 50
+    for one, made_by in found:
+        assert one.probability(made_by) == pytest.approx(one.stated, abs=0.011)
 
 
 def test_it_reckons_as_the_diagnosis_does() -> None:
     short = {"one": 3.0, "other": 12.0}
     for discount in (2.0, 5.0, 10.0):
         expected = confidences(tuple(short.items()), Criteria(evidence_discount=discount))[0]
-        assert Doubted(tuple(short.values()), 1.0, True).probability(discount) == pytest.approx(expected)
+        assert Doubted(tuple(short.values()), 1.0, expected, True).probability(discount) == pytest.approx(expected)
 
 
 def test_the_likeliest_is_the_one_that_claims_were_drawn_by() -> None:
     rng, true = np.random.default_rng(0), 5.0
     short = rng.uniform(0.0, 30.0, (2000, 3))
-    chance = [Doubted(tuple(one), 1.0, True).probability(true) for one in short]
-    claims = [Doubted(tuple(one), 1.0, bool(rng.random() < p)) for one, p in zip(short, chance, strict=True)]
+    chance = [Doubted(tuple(one), 1.0, 0.5, True).probability(true) for one in short]
+    claims = [Doubted(tuple(one), 1.0, p, bool(rng.random() < p)) for one, p in zip(short, chance, strict=True)]
     assert max((3.0, 5.0, 8.0), key=lambda discount: log_likelihood(claims, discount)) == true
 
 
-def test_the_criterion_is_within_what_the_samples_allow(cases: list[Judged]) -> None:
-    claims = [one for case in cases for one in doubted(case)]
+def test_what_cases_drawn_anew_give_holds_what_all_give() -> None:
+    claims = [Doubted((8.0,), 1.0, 0.7, True)] * 40 + [Doubted((8.0,), 1.0, 0.7, False)] * 10
+    low, high = over_first([[one] for one in claims], 5.0)
+    assert low < log_likelihood(claims, 5.0) - log_likelihood(claims, FIRST) < high
+
+
+def test_the_criterion_is_within_what_the_samples_before_it_allow(cases: list[Judged]) -> None:
+    before = [case for case in cases if case.diagnosis.get("criteria", {}).get("evidence_discount") == FIRST]
+    claims = [one for case in before for one in doubted(case)]
     likely = {discount: log_likelihood(claims, discount) for discount in (3.0, 4.0, 5.0, 6.0, 8.0, 10.0)}
     assert likely[Criteria().evidence_discount] > max(likely.values()) - 1.0
 

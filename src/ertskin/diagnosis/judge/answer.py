@@ -202,7 +202,8 @@ def _rules(case: Case) -> list[tuple[str, str, Callable[[list[Claim]], list[Clai
     selection, ratios, criteria = case.selection, (case.found.ratio_before, case.found.ratio_judged), case.criteria
     shape = case.evidence.protocol.orthonormal.shape
     residuals = (selection.before.scan_residual, selection.after.scan_residual)
-    rest, shown = selection.problem.evidence.rest, _shown_elsewhere(case)
+    rest, displaced = selection.problem.evidence.rest, case.baseline.displaced
+    found_at_rest = () if displaced is None else (displaced.name,)
     by_lag = [chosen.by_lag for chosen in selection.chosen]
     misled, spoilt = case.found.misled(criteria), case.found.spoilt(criteria)
     return [
@@ -225,7 +226,7 @@ def _rules(case: Case) -> list[tuple[str, str, Callable[[list[Claim]], list[Clai
         (
             "at_rest_only",
             "it explains what stands at rest, but little of what presses change",
-            lambda c: static_only(c, residuals, rest, criteria, shown),
+            lambda c: static_only(c, residuals, rest, criteria, found_at_rest),
         ),
         (
             "noisy_channel",
@@ -247,15 +248,6 @@ def _rules_of_misfit(case: Case) -> list[tuple[str, str, Callable[[list[Claim]],
         ("left_over", "part of the misfit stays", lambda c: left_over(c, *ratios, criteria, presses_free, of_fields)),
         ("left_beyond", "part of what no network explains stays", lambda c: left_beyond(c, *beyond, criteria)),
     ]
-
-
-def _shown_elsewhere(case: Case) -> set[str]:
-    """Names of effects that the specimen, where it agrees, or rest has shown, or the load cell beside the readings."""
-    agrees = case.selection.specimen == "agrees"
-    shown = {finding.effect.name for finding in case.baseline.specimen_findings if agrees}
-    if case.baseline.displaced is not None:
-        shown.add(case.baseline.displaced.name)
-    return shown | case.baseline.shown_by_force_and_readings
 
 
 def _against_rivals(claim: Claim) -> Claim:

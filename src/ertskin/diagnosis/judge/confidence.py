@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ertskin.diagnosis.contract.claims import SAID, Claim, Reason
 from ertskin.diagnosis.criteria import Criteria
 from ertskin.physics.effects.effect import Effect, Stage, shown_by
-from ertskin.physics.effects.hypothesis import Axis, Signal
+from ertskin.physics.effects.hypothesis import Axis, Measured, Need, Signal
 
 Array = NDArray[np.float64]
 
@@ -113,16 +113,19 @@ def of_maps(claims: Sequence[Claim]) -> list[Claim]:
 def spoiling(claims: Sequence[Claim], criteria: Criteria, *, misled: bool, spoilt: bool) -> list[Claim]:
     """Names are half as sure where presses that no fit has seen are predicted worse with them than without.
 
-    ``spoilt``: they are, which speaks against fields alone, where there are any; ``misled``: and by more than is
+    ``spoilt``: they are, which speaks against fields alone, where one is said; ``misled``: and by more than is
     expected of the instrument's form. Exempt is what predicts none: what is told place by place, a stage that moves as
     only the load cell shows.
     """
-    fields = any(claim.effect.hypothesis.field for claim in claims)
+
+    def predicts(claim: Claim) -> bool:
+        return claim.in_readings and not claim.by_place
+
+    said = [claim for claim in claims if predicts(claim) and claim.confidence >= criteria.least_confidence]
+    fields = any(claim.effect.hypothesis.field for claim in said)
 
     def doubted(claim: Claim) -> bool:
-        if claim.by_place or not claim.in_readings:
-            return False
-        return spoilt if claim.effect.hypothesis.field else misled and not fields
+        return predicts(claim) and (spoilt if claim.effect.hypothesis.field else misled and not fields)
 
     return [replace(c, confidence=criteria.doubted_share * c.confidence) if doubted(c) else c for c in claims]
 
@@ -148,20 +151,16 @@ def explained(before: float, after: float, criteria: Criteria) -> float:
 
 
 def mending(claims: Sequence[Claim], criteria: Criteria) -> list[Claim]:
-    """A field that only presses show, small beside one of its kin, may only mend that one's form, which becomes its
-    alternative.
+    """What is small beside one of its kin may only mend that one's form, which becomes its alternative: a field that
+    only presses show, contacts that wander.
 
-    A field follows whatever a form leaves; effects of few numbers hold their own. Of ten of these so small in eighteen
-    sealed samples seven were right, of four such fields none (`experiments/concealed`).
+    Many numbers follow whatever a form leaves; effects of few numbers hold their own. Of nine of these so small in
+    eighteen sealed samples seven were right, of four such fields none, such contacts on one recording of five
+    (`experiments/concealed`).
     """
     found = []
     for claim in claims:
-        if not (claim.effect.hypothesis.field and _needs_a_press(claim.effect)):
-            found.append(claim)
-            continue
-        others = [c for c in claims if c.effect.name != claim.effect.name and not c.by_force]
-        kin = [c for c in others if c.effect.hypothesis.kin & claim.effect.hypothesis.kin]
-        strongest = max(kin, key=_excess, default=None)
+        strongest = max(_mended_by(claim, claims), key=_excess, default=None)
         share = 1.0 if strongest is None else _excess(claim) / max(criteria.form_share * _excess(strongest), 1e-12)
         if strongest is None or share >= 1:
             found.append(claim)
@@ -172,9 +171,16 @@ def mending(claims: Sequence[Claim], criteria: Criteria) -> list[Claim]:
     return found
 
 
-def _needs_a_press(effect: Effect) -> bool:
-    """Whether frames show nothing of an effect where nothing presses or has pressed."""
-    return effect.stage in (Stage.MECHANICS, Stage.PIEZORESISTANCE) or Axis.FORCE in effect.hypothesis.axes
+def _mended_by(claim: Claim, claims: Sequence[Claim]) -> list[Claim]:
+    """The claims whose form this one may mend: its kin, of contacts such as frames at rest show."""
+    about = claim.effect.hypothesis
+    wanders = about.measured == Measured.CONTACT_PATH
+    if not (wanders or (about.field and Need.PRESSES in about.needs)):
+        return []
+    kin = [c for c in claims if c.effect.name != claim.effect.name and c.effect.hypothesis.kin & about.kin]
+    if wanders:
+        kin = [c for c in kin if shown_by(c.effect, Signal.REST) or getattr(c.effect, "remembers_air", False)]
+    return [c for c in kin if not c.by_force]
 
 
 def overshadowed(

@@ -216,7 +216,7 @@ class _Search:
         if len(still) == len(terms):
             return None
         self.fixed = len(still)
-        proposed = self.one_more(_calibrated(self.build, still, start), lambda trial: _remembers_air(trial.solved))
+        proposed = self.one_more(_calibrated(self.build, still, start), _may_remember_air)
         if proposed is None or not _remembers_air(proposed.solved):
             return None
         proposed = self._where_readings_remember(proposed)
@@ -252,7 +252,7 @@ class _Search:
 
     def one_more(self, incumbent: CheckedFit, wanted: Callable[[Trial], bool] | None = None) -> CheckedFit | None:
         """With the likeliest term more; None where none gains enough, or where none of the likely ones is ``wanted``:
-        settling the others is most of the work."""
+        settling and freeing the others is most of the work."""
         problem, current = incumbent.problem, incumbent.problem.at_hand(incumbent.solved)
         found = screen(problem, current, self.partitions)
         left = form_error(problem, current, self.partitions, current.effects).gain
@@ -260,7 +260,7 @@ class _Search:
         trials = trials_of(
             problem, current, found, self.partitions, left, partial(_gone_elsewhere, self.build, problem)
         )
-        if wanted is not None and not any(map(wanted, _likely(trials, problem.evidence.criteria))):
+        if trials and wanted is not None and not any(map(wanted, _likely(trials, problem.evidence.criteria))):
             self.tried += [_as_tried(trial, False) for trial in trials]
             return None
         entered = self._first_to_enter(incumbent, trials)
@@ -484,6 +484,11 @@ def _as_good_alone(build: Problem, fit: CheckedFit, contacts: Sequence[Term]) ->
 def _remembers_air(solved: Solved) -> bool:
     """Whether something of a fit shows where nothing presses any longer."""
     return any(getattr(part, "remembers_air", False) for part in in_fabric(solved.effects))
+
+
+def _may_remember_air(trial: Trial) -> bool:
+    """Whether something of a trial shows where nothing presses any longer, or could in another form."""
+    return any(hasattr(part, "remembers_air") for part in in_fabric(trial.solved.effects))
 
 
 def _path_of_contact(term: Term) -> bool:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -144,12 +145,22 @@ def test_what_is_not_known_of_a_field_speaks_against_the_field_alone() -> None:
     assert crosstalk == claims[1]
 
 
-def test_where_a_field_spoils_predictions_no_other_name_does() -> None:
-    field, foam = claim(PiezoInhomogeneity(amplitude=0.1), 2.0), claim(NonlinearFoam(stiffening=0.5), 2.0)
-    assert [c.confidence for c in spoiling([field, foam], DEFAULT, misled=True, spoilt=True)] == [
-        pytest.approx(0.475),
-        0.95,
+@pytest.mark.parametrize(
+    ("field", "expected"),
+    [
+        ({}, [0.475, 0.95]),
+        ({"confidence": 0.01}, [0.005, 0.475]),
+        ({"by_place": True}, [0.95, 0.475]),
+    ],
+    ids=["a field that is said", "one that isn't", "one that predicts nothing"],
+)
+def test_where_a_field_spoils_predictions_no_other_name_does(field: dict[str, Any], expected: list[float]) -> None:
+    claims = [
+        replace(claim(PiezoInhomogeneity(amplitude=0.1), 2.0), **field),
+        claim(NonlinearFoam(stiffening=0.5), 2.0),
     ]
+    found = spoiling(claims, DEFAULT, misled=True, spoilt=True)
+    assert [one.confidence for one in found] == pytest.approx(expected)
 
 
 def test_a_moving_stage_that_only_the_load_cell_shows_spoils_no_prediction() -> None:
@@ -184,10 +195,16 @@ def test_a_small_field_beside_strong_kin_may_only_mend_its_form() -> None:
     assert mending([felt, small], DEFAULT) == [felt, small]
 
 
-@pytest.mark.parametrize("small", [PiezoHysteresis(width=0.02), ContactDrift(2, (0.0, 40.0), (0.0, 20.0))])
-def test_a_small_effect_of_few_numbers_holds_its_own(small: Effect) -> None:
-    claims = [claim(PiezoCreep(fraction=0.2, remembers_air=True), 3.0), claim(small, 1.2)]
+def test_a_small_effect_of_few_numbers_holds_its_own() -> None:
+    claims = [claim(PiezoCreep(fraction=0.2, remembers_air=True), 3.0), claim(PiezoHysteresis(width=0.02), 1.2)]
     assert mending(claims, DEFAULT) == claims
+
+
+def test_contacts_that_wander_mend_what_rest_shows_alone() -> None:
+    drift = claim(ContactDrift(2, (0.0, 40.0), (0.0, 20.0)), 1.05)
+    offset, creep = claim(IndenterOffset(dx_m=1e-3), 3.0), claim(PiezoCreep(fraction=0.2, remembers_air=True), 3.0)
+    assert mending([offset, drift], DEFAULT) == [offset, drift]
+    assert mending([creep, drift], DEFAULT)[1].confidence < 0.5
 
 
 def test_a_small_field_that_rest_shows_too_holds_its_own() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from types import SimpleNamespace
 from typing import Any
@@ -40,8 +41,9 @@ def reconsidered(
     """The names chosen where ``then`` enters in the field's place, and those it was asked beside."""
     asked: list[str] = []
 
-    def one_more(search: selection._Search, without: CheckedFit, wanted: object) -> CheckedFit | None:
+    def one_more(search: selection._Search, without: CheckedFit, wanted: Callable[[Any], bool]) -> CheckedFit | None:
         asked.extend(term.name for term in without.solved.terms)
+        assert [wanted(SimpleNamespace(term=term)) for term in (FIELD, PAD)] == [False, True]
         return None if then is None else replace(fit_of(*without.solved.terms, then), misfit=misfit)
 
     monkeypatch.setattr(selection, "where_it_settles", lambda build, problem, solved: fit_of(*solved.terms))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
@@ -14,6 +15,7 @@ from ertskin.diagnosis.criteria import DEFAULT
 from ertskin.diagnosis.fit.full_solution_check import CheckedFit
 from ertskin.diagnosis.search import selection
 from ertskin.physics.effects.hypothesis import Measured
+from ertskin.physics.effects.piezo_creep import PiezoCreep
 from ertskin.physics.effects.piezo_hysteresis import PiezoHysteresis
 
 LOOP = PiezoHysteresis(width=0.1)
@@ -103,8 +105,10 @@ def fit_of(terms: tuple[Any, ...], at_rest: float) -> CheckedFit:
 def test_what_places_keep_takes_the_stead_of_contacts_that_wander(
     contacts: int, entered: Any, alone: float, both: float, taken: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def one_more(search: selection._Search, without: CheckedFit, wanted: object) -> CheckedFit | None:
+    def one_more(search: selection._Search, without: CheckedFit, wanted: Callable[[Any], bool]) -> CheckedFit | None:
         assert not without.solved.terms
+        forgets, may = (SimpleNamespace(solved=SimpleNamespace(effects=(one,))) for one in (object(), PiezoCreep()))
+        assert (wanted(forgets), wanted(may)) == (False, True)
         search.tried.append(Tried(("it",), 9.0, True))
         return None if entered is None else fit_of((entered,), alone)
 
