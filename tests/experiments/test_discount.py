@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from discount import FIRST, Doubted, doubted, log_likelihood, over_first
 from judged import Judged
-from score import judged, opened
+from opened_sample import judged, opened
 
 from ertskin.diagnosis.contract.claims import confidences
 from ertskin.diagnosis.criteria import Criteria

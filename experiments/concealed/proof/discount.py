@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 import seals
 from judged import DiagnosisError, Judged
-from score import judged, opened
+from opened_sample import judged, opened
 
 METHOD = "ertskin"
 DISCOUNTS = (1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 12.0, 15.0)

@@ -19,9 +19,9 @@ import numpy as np
 import seals
 from judged import CORRELATION, Judged
 from numpy.typing import NDArray
+from opened_sample import judged, opened
 from record import skin_of
 from scipy.spatial.distance import cdist
-from score import judged, opened
 from suite import Case, suite
 
 Array = NDArray[np.float64]

@@ -21,7 +21,7 @@ import numpy as np  # noqa: E402
 import seals  # noqa: E402
 from judged import Judged  # noqa: E402
 from numpy.typing import NDArray  # noqa: E402
-from score import judged, opened  # noqa: E402
+from opened_sample import judged, opened  # noqa: E402
 
 from ertskin.diagnosis.fit.joint_fit import Term  # noqa: E402
 from ertskin.diagnosis.judge.quantities import NEXT_TO_M  # noqa: E402

@@ -8,53 +8,19 @@ checks the recordings' bytes too. Writes score.md, score.json and reliability.pn
 from __future__ import annotations
 
 import argparse
-import hashlib
 import sys
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
 import seals
-from judged import FEWEST_KNOWN, DiagnosisError, Judged, checked
+from judged import FEWEST_KNOWN, DiagnosisError, Judged
+from opened_sample import judged, opened
 from rows import Calibration, FormClasses, Row, Share, calibrations, reliability, rows
-from suite import suite
 
 LEFT = "isolated_laws.json"
 """What the model that diagnosed left of every form: the classes of forms."""
 Scores = dict[str, dict[str, Any]]
-
-
-def opened(results: Path, recordings: Path | None = None) -> dict[str, dict[str, Any]]:
-    """Truths by case, all seals checked; raises ``SealError`` for the first that doesn't hold."""
-    committed = seals.read_json(results / "commitments.json")
-    revealed = seals.read_json(results / "opened.json.xz")
-    secret = bytes.fromhex(revealed["secret"])
-    if hashlib.sha256(secret).hexdigest() != committed["secret"]:
-        raise seals.SealError(f"{results}: the secret is not the one committed")
-    drawn = {case.name: case for case in suite(secret, committed["suite"]["families"], committed["suite"]["small"])}
-    truths = {}
-    for name, commitment in committed["cases"].items():
-        one = revealed["cases"].get(name)
-        if one is None:
-            raise seals.SealError(f"{name}: committed but not opened")
-        if one["nonce"] != seals.nonce(secret, name):
-            raise seals.SealError(f"{name}: its nonce doesn't come from the secret")
-        seals.check(name, one["truth"], one["nonce"], commitment["truth"])
-        if any(one["truth"][key] != getattr(drawn[name], key) for key in ("kind", "seed", "shape", "scan", "presses")):
-            raise seals.SealError(f"{name}: not the case that the secret draws")
-        if recordings is not None and seals.file_hash(recordings / f"{name}.h5") != commitment["recording"]:
-            raise seals.SealError(f"{name}: the recording's bytes are not those committed")
-        truths[name] = one["truth"]
-    return truths
-
-
-def judged(results: Path, truths: dict[str, dict[str, Any]]) -> dict[str, list[Judged]]:
-    """Every method's diagnoses beside the truths; a case without a diagnosis names nothing."""
-    said = seals.read_json(results / "diagnoses.json.xz")
-    return {
-        method: [Judged(name, truth, checked(f"{method}/{name}", by_case.get(name))) for name, truth in truths.items()]
-        for method, by_case in said.items()
-    }
 
 
 def _cell(row: Row) -> str:

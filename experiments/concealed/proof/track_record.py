@@ -13,8 +13,9 @@ from pathlib import Path
 
 import seals
 from judged import DiagnosisError, Judged
+from opened_sample import judged, opened
 from rows import Calibration, FormClasses, Row, calibration_error, reliability, rows
-from score import draw, judged, opened
+from score import draw
 
 METHOD = "ertskin"
 COLUMNS = {
