@@ -95,9 +95,9 @@ def main() -> int:
     except (seals.SealError, DiagnosisError) as error:
         print(error, file=sys.stderr)
         return 2
-    found = [one for case in cases for one in doubted(case)]
-    print(f"{len(found)} claims that rivals made less sure, {sum(one.right for one in found)} right\n")
     by_case = [list(doubted(case)) for case in cases]
+    found = [one for claims in by_case for one in claims]
+    print(f"{len(found)} claims that rivals made less sure, {sum(one.right for one in found)} right\n")
     print(f"| discount | log-likelihood | over that of {FIRST:g}, cases drawn anew (90 %) | expected to be right |")
     print("| --- | --- | --- | --- |")
     for discount in DISCOUNTS:

@@ -1,9 +1,9 @@
 """What presses could tell of a field of sensitivity at best: ``map_ceiling.py RESULTS...``, in this folder.
 
 RESULTS are folders of opened samples. For every hidden field that only presses show, the true values at the sensing
-points that the plan presses, carried to all others by a Gaussian process (Matern 3/2, a mean of its own) of the length
-that does it best: nobody knows that length, nor the values so well. A press feels more than its point, so a map may
-do better where the field is smooth; where it isn't, what a map of the whole sheet is worth can't be more.
+points that the plan presses, carried to all others by kriging as the diagnosis does it, with the length that does it
+best: nobody knows that length, nor the values so well. A press feels more than its point, so a map may do better: it is
+no bound, only what values at points are worth.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ from record import skin_of
 from scipy.spatial.distance import cdist
 from suite import Case, suite
 
+from ertskin.diagnosis.judge.map_probability import Places, kriged
+from ertskin.diagnosis.search.smooth_fields import LENGTHS
+
 Array = NDArray[np.float64]
 
-LENGTHS = (2.0, 1.0, 0.5, 0.25, 0.13, 0.07)
-"""Of the Gaussian process, over the sheet's longer side."""
-JITTER = 1e-6
 FIELD = "piezo_inhomogeneity"
 METHOD = "ertskin"
 
@@ -63,26 +63,12 @@ def _ceiling(case: Judged, hidden: dict[str, Any], drawn: Case) -> Ceiling:
     place_m = np.concatenate([press.position_m for press in skin_of(drawn).plan.presses])
     pressed = np.unique(cdist(place_m, point_m).argmin(axis=1))
     side_m = float(np.ptp(point_m, axis=0).max())
-    best = max(_correlation(carried(point_m, pressed, true[pressed], length * side_m), true) for length in LENGTHS)
+    places = Places(point_m[pressed], true[pressed], np.zeros(len(pressed)))
+    lengths = LENGTHS if np.ptp(places.value) else ()
+    fields = (kriged(point_m, places, length * side_m)[1] for length in lengths)
+    best = max((float(np.corrcoef(field, true)[0, 1]) for field in fields), default=0.0)
     said = max((case.correlation(one) for one in case.claims if one["name"] == FIELD), default=0.0)
     return Ceiling(case, hidden["form"], hidden["own"], len(pressed), len(point_m), best, said)
-
-
-def carried(point_m: Array, known: NDArray[np.intp], value: Array, length_m: float) -> Array:
-    """(N,) a field at points (N,2) of which the ``value`` (k,) is known at ``known`` (k,) of them."""
-    among = _matern(point_m[known], point_m[known], length_m) + JITTER * np.eye(len(known))
-    one = np.linalg.solve(among, np.ones(len(known)))
-    mean = one @ value / one.sum()
-    return np.asarray(mean + _matern(point_m, point_m[known], length_m) @ np.linalg.solve(among, value - mean))
-
-
-def _matern(one_m: Array, other_m: Array, length_m: float) -> Array:
-    apart = np.sqrt(3.0) * cdist(one_m, other_m) / length_m
-    return np.asarray((1 + apart) * np.exp(-apart))
-
-
-def _correlation(found: Array, true: Array) -> float:
-    return 0.0 if np.ptp(found) == 0.0 else float(np.corrcoef(found, true)[0, 1])
 
 
 def _line(sample: str, one: Ceiling) -> str:

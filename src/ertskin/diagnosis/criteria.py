@@ -152,8 +152,8 @@ class Criteria:
     form_share: float = criterion(
         0.25,
         "share of an excess square misfit",
-        "part of an effect's excess that its form, never exactly the skin's, may leave to others: a smaller field of "
-        "the same kind beside it loses confidence",
+        "part of an effect's excess that its form, never exactly the skin's, may leave to others: a smaller field, or "
+        "contact that wanders, of the same kind beside it loses confidence",
         UNMEASURED,
         least=0,
         most=1,

@@ -56,14 +56,14 @@ def right_by_places(found: Array, point_m: Array, places: Places, side_m: float)
         return None
     if len(places.value) < FEWEST or np.ptp(places.value) == 0.0:
         return 0.0
-    told = [_kriged(point_m, places, length * side_m) for length in LENGTHS]
+    told = [kriged(point_m, places, length * side_m) for length in LENGTHS]
     weight = np.exp([likely - max(one[0] for one in told) for likely, _, _ in told])
     counts = np.rint(DRAWN * weight / weight.sum()).astype(int)
     fields = [mean + _drawn(rest, count) for (_, mean, rest), count in zip(told, counts, strict=True)]
     return _share_followed(found, np.concatenate(fields))
 
 
-def _kriged(point_m: Array, places: Places, length_m: float) -> tuple[float, Array, Array]:
+def kriged(point_m: Array, places: Places, length_m: float) -> tuple[float, Array, Array]:
     """Log likelihood of the values of one length, and mean (n,) and covariance (n,n) of the field at the points."""
     value, place_m = places.value, places.point_m
     among = _matern(place_m, place_m, length_m) + np.diag(JITTER + (places.error / value.std()) ** 2)

@@ -1,0 +1,34 @@
+"""Claims that rules made less sure, counted by rule and by what they are."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from judged import Judged
+from lowered import lowered
+
+
+def case(*claims: tuple[str, str, float]) -> Judged:
+    """One that hides creep, and says these names, each lowered from 1 by a rule."""
+    said: list[dict[str, Any]] = [
+        {"name": name, "confidence": after, "reasons": [{"rule": rule, "before": 1.0, "after": after}]}
+        for name, rule, after in claims
+    ]
+    hidden = {"name": "piezo_creep", "listed": True, "details": {}}
+    return Judged("c000", {"kind": "single", "effects": [hidden]}, {"verdict": "explained", "effects": said})
+
+
+def test_claims_are_counted_by_rule_kind_and_whether_they_were_right() -> None:
+    found = lowered([
+        case(("piezo_creep", "mending", 0.5), ("contact_drift", "mending", 0.5), ("contact_drift", "mending", 0.4)),
+        case(("piezo_creep", "mending", 0.5), ("piezo_inhomogeneity", "spoiling", 0.5)),
+    ])  # fmt: skip
+    assert found == {
+        ("mending", "others"): {True: [0, 1], False: []},
+        ("mending", "contacts that wander"): {True: [], False: [0, 0]},
+        ("spoiling", "fields"): {True: [], False: [1]},
+    }
+
+
+def test_a_rule_that_took_nothing_is_not_counted() -> None:
+    assert lowered([case(("piezo_creep", "left_over", 1.0))]) == {}
