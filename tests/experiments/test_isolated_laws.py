@@ -32,7 +32,7 @@ def test_every_form_is_in_the_table_with_what_was_measured() -> None:
         assert (left, of) == (f"{100 * measured[key]['left']:.1f} %", classes.of(*key.split("/"))), key
 
 
-@pytest.mark.parametrize("page", ["README.md", "development.md", "../README.md", "../../../NOTES.md"])
+@pytest.mark.parametrize("page", ["README.md", "development.md", "../README.md"])
 def test_every_page_says_how_many_forms_are_in_each_class(page: str) -> None:
     measured = json.loads(LAWS.read_text())
     classes = FormClasses({key: one["left"] for key, one in measured.items()})

@@ -40,14 +40,27 @@ def test_what_is_committed_comes_out_again(table: list[list[str]], tmp_path: Pat
     assert (tmp_path / "track_record.png").stat().st_size > 1000
 
 
-def test_the_page_says_what_the_samples_show(table: list[list[str]]) -> None:
-    page = (CONCEALED / "README.md").read_text()
+def test_pages_say_what_the_samples_show(table: list[list[str]]) -> None:
+    page = (CONCEALED / "samples.md").read_text()
     said = {one[0].strip("`"): one for line in page.splitlines() if line.startswith("| `") and (one := cells(line))}
     for name, *shares in table:
         if name and (RESULTS / name / "opened.json.xz").exists():
             assert said[name][2:] == shares, name
+        elif name.startswith("`"):
+            assert said[name.strip("`")] == [name, *shares]
     for label, _, together in (line for line in table if len(line) == 3 and " (" in line[2]):
-        assert together in page, label
+        assert together in (CONCEALED / "README.md").read_text(), label
+
+
+def test_the_page_s_column_is_the_last_sample_s_score(table: list[list[str]]) -> None:
+    last = [name for name, *_ in table if (RESULTS / name / "opened.json.xz").exists() and name][-1]
+    score = (RESULTS / last / "score.md").read_text().split("## ertskin")[1].split("Maps judged")[0].splitlines()
+    rows = [line for line in map(cells, score) if len(line) == 4 and " (" in line[2] and "the same, " not in line[0]]
+    said = (CONCEALED / "README.md").read_text().replace("*", "")
+    assert f"`{last}`" in said
+    for label, _, total, worst in rows:
+        if label != "no diagnosis, or cannot tell":
+            assert f"| {total} | {worst} |" in said, label
 
 
 def test_a_sample_whose_seal_is_broken_is_refused(tmp_path: Path) -> None:

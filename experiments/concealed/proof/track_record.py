@@ -2,7 +2,8 @@
 
 Every SAMPLE is a folder of results that ``score.py`` can judge; its seals are checked first. Each was diagnosed by the
 code of its own day: together they say how often an answer was right when it was given, not how good the last code is.
-Writes DIR/track_record.md and DIR/track_record.png, stated confidence against how often it was right.
+The last table says which effects they found. Writes DIR/track_record.md and DIR/track_record.png, stated confidence
+against how often it was right.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ import sys
 from pathlib import Path
 
 import seals
+from by_effect import by_effect
 from judged import DiagnosisError, Judged
 from opened_sample import judged, opened
 from rows import Calibration, FormClasses, Row, calibration_error, reliability, rows
@@ -65,7 +67,7 @@ def main() -> int:
     heads = " | ".join(("sample", *COLUMNS.values(), "calibration error"))
     lines = [f"# {len(by_sample)} samples, {len(every)} cases, all seals hold", "", f"| {heads} |"]
     lines += ["|" + " --- |" * (len(COLUMNS) + 2), *(line(name, cases) for name, cases in by_sample.items()), ""]
-    lines += together(every)
+    lines += [*together(every), "", *by_effect(every)]
     options.out.mkdir(parents=True, exist_ok=True)
     (options.out / "track_record.md").write_text("\n".join(lines) + "\n")
     draw({METHOD: {"reliability": reliability(every)}}, options.out / "track_record.png")
