@@ -41,6 +41,8 @@ among which they lie, least part by which they differ of what they should differ
 errors: two may be as large as one another, and differ by noise alone."""
 FARTHEST_ERRORS = 4.0
 """Standard deviations of chance, beyond which a change between rest frames is an outlier."""
+TWIN, SPIKE = 0.5 + 1e-6, 5.0
+"""Freedom of a reading whose number one other tells; times a reading's usual scatter from which on it is a spike."""
 LEAST_FREEDOM = 0.05
 """Readings that a network follows more closely than this say nothing about the noise."""
 
@@ -223,6 +225,7 @@ def _scans(
         bent = _bent_at_top(voltage, fitted, spike)
         if not (bent or saturated) and len(voltage) >= FEWEST_FRAMES:
             scan, spike = _usual_restored(protocol, voltage, fitted, spike, MOST_USUAL)
+            scan, spike = _twins_restored(protocol, voltage, fitted, spike)
     straight: Array | None = voltage
     if bent or saturated:
         bent_v = _bent_from(fitted[rest][:, protocol.taken], spike[rest][:, protocol.taken])
@@ -283,8 +286,7 @@ def _channels_restored(
     kept = spike.copy()
     kept[..., systematic] = ~present[..., systematic]
     fitted = (scan @ protocol.orthonormal.T).reshape(voltage.shape)
-    filled = np.where(kept | ~present, fitted, voltage)
-    return filled.reshape(len(filled), -1) @ protocol.orthonormal, kept
+    return _scans_without(protocol, voltage, fitted, kept | ~present), kept
 
 
 def _compressed(voltage: Array, fitted: Array, spike: NDArray[np.bool_], rest: NDArray[np.bool_]) -> bool:
@@ -331,8 +333,33 @@ def _usual_restored(
     near = np.abs(usual) < largest * robust_std(off[present & ~spike])
     alike = (off * usual > 0) & (np.abs(off) < ALIKE * np.abs(usual)) & near
     kept = (spike & ~alike & (spike.mean(axis=0) < often)) | ~present
-    filled = np.where(kept, fitted, voltage)
-    return filled.reshape(len(filled), -1) @ protocol.orthonormal, kept
+    return _scans_without(protocol, voltage, fitted, kept), kept
+
+
+def _twins_restored(
+    protocol: Protocol, voltage: Array, fitted: Array, spike: NDArray[np.bool_]
+) -> tuple[Array, NDArray[np.bool_]]:
+    """Scans and spikes with readings put back whose number only one other tells, unless they differ from what they
+    usually are.
+
+    Of two that disagree nothing says which is wrong: left out is now the one, now the other, and now none, and what a
+    wrong gain or crosstalk makes of them jumps from frame to frame.
+    """
+    present = np.isfinite(voltage)
+    twin = leftover_freedom(protocol, present.mean(axis=0) > 0.5) <= TWIN
+    if not (spike & present & twin).any():
+        return _scans_without(protocol, voltage, fitted, spike), spike
+    filled = np.where((spike & ~twin) | ~present, fitted, voltage).reshape(len(voltage), -1)
+    off = (filled - filled @ protocol.orthonormal @ protocol.orthonormal.T).reshape(voltage.shape)
+    change = off - np.median(off, axis=0)
+    scatter = np.maximum(robust_std(change, axis=0), robust_std(change[present & ~spike]))
+    kept = spike & ~(twin & present & (np.abs(change) < SPIKE * scatter))
+    return _scans_without(protocol, voltage, fitted, kept), kept
+
+
+def _scans_without(protocol: Protocol, voltage: Array, fitted: Array, left_out: NDArray[np.bool_]) -> Array:
+    """Scans (T,P) of readings (T,K,M), those ``left_out`` as ``fitted``."""
+    return np.asarray(np.where(left_out, fitted, voltage).reshape(len(voltage), -1) @ protocol.orthonormal)
 
 
 def _presses_restored(

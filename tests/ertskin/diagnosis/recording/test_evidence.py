@@ -93,6 +93,24 @@ def test_a_reading_that_is_plainly_wrong_stays_left_out(protocol: Protocol, shar
     assert np.abs(scan - clean).max() < 5 * NOISE_V
 
 
+def test_of_two_readings_that_disagree_neither_is_a_spike_but_a_jump_of_one_is() -> None:
+    pairs = np.stack([np.arange(16), np.roll(np.arange(16), -1)], axis=1)
+    current_a = np.eye(16)[pairs[:, 0]] - np.eye(16)[pairs[:, 1]]
+    driven = np.array([[bool({k, m} & set(pair)) for pair in pairs] for k, m in pairs])
+    scan = Protocol.differences(1e-3 * current_a, pairs)
+    protocol = Protocol(scan.injection_current_a, scan.measurement, measured=~driven)
+    voltage = np.concatenate([readings(protocol, 14)] * 2)
+    voltage[:, 12, 7] += 20 * NOISE_V
+    voltage[3, 2, 9] += 1.0
+    left_out = despiked(protocol, voltage)[1]
+    assert left_out[:, 12, 7].any() or left_out[:, 7, 12].any()
+    _, spike, _ = _scans(protocol, voltage, np.ones(len(voltage), dtype=bool), False)
+    lost = spike & ~driven
+    assert not lost[:, 12, 7].any()
+    assert not lost[:, 7, 12].any()
+    assert lost[3, 2, 9] or lost[3, 9, 2]
+
+
 def test_a_converter_that_bends_is_seen_and_a_straight_one_is_not(protocol: Protocol) -> None:
     voltage = readings(protocol, 4)
     _, fitted, spike = split(protocol, voltage)
