@@ -9,6 +9,9 @@ from pathlib import Path
 
 import pytest
 import seals
+from by_effect import found
+from judged import Judged
+from rows import Share
 
 CONCEALED = Path(__file__).parents[2] / "experiments/concealed"
 RESULTS = CONCEALED / "results"
@@ -55,12 +58,30 @@ def test_pages_say_what_the_samples_show(table: list[list[str]]) -> None:
 def test_the_page_s_column_is_the_last_sample_s_score(table: list[list[str]]) -> None:
     last = [name for name, *_ in table if (RESULTS / name / "opened.json.xz").exists() and name][-1]
     score = (RESULTS / last / "score.md").read_text().split("## ertskin")[1].split("Maps judged")[0].splitlines()
-    rows = [line for line in map(cells, score) if len(line) == 4 and " (" in line[2] and "the same, " not in line[0]]
+    rows = {line[0]: line[2:] for line in map(cells, score) if len(line) == 4}
     said = (CONCEALED / "README.md").read_text().replace("*", "")
     assert f"`{last}`" in said
-    for label, _, total, worst in rows:
-        if label != "no diagnosis, or cannot tell":
-            assert f"| {total} | {worst} |" in said, label
+    together = {line[0]: line[2] for line in table if len(line) == 3 and " (" in line[2]}
+    assert len(together) == 10
+    for label, all_samples in together.items():
+        total, worst = rows[label]
+        assert f"| {total} | {worst} | {all_samples} |" in said, label
+
+
+def test_an_effect_counts_where_it_is_told_and_apart_where_it_is_misplaced_or_absent() -> None:
+    def case(hidden: dict[str, float], channel: int, *said: str) -> Judged:
+        effects = [{"name": n, "own": own, "listed": True, "details": {"channel": 3}} for n, own in hidden.items()]
+        claims = [{"name": n, "confidence": 0.9, "parameters": {"channel": {"value": channel}}} for n in said]
+        kind = "single" if len(hidden) == 1 else "compound" if hidden else "null"
+        return Judged("c000", {"kind": kind, "effects": effects}, {"verdict": "explained", "effects": claims})
+
+    both = {"channel_gain": 2.0, "crosstalk": 2.0}
+    told, elsewhere = case({"channel_gain": 2.0}, 3, "channel_gain"), case({"channel_gain": 2.0}, 4, "channel_gain")
+    small, absent = case({"channel_gain": 1.0}, 3, "channel_gain"), case({}, 3, "channel_gain")
+    gain, other = found([told, elsewhere, small, absent, case(both, 3, "channel_gain")])
+    assert (gain.name, gain.alone, gain.compound) == ("channel_gain", Share(1.0, 2), Share(1.0, 1))
+    assert (gain.misplaced, gain.absent, gain.either) == (1, 1, Share(2.0, 3))
+    assert (other.name, other.either, other.absent) == ("crosstalk", Share(0.0, 1), 0)
 
 
 def test_a_sample_whose_seal_is_broken_is_refused(tmp_path: Path) -> None:

@@ -11,13 +11,14 @@ from rows import WEAK, Share, share
 
 @dataclass(frozen=True)
 class Found:
-    """How often an effect of own ratio ``WEAK`` or more was told, at its place, in cases where it was hidden; and how
-    many cases name it where it isn't."""
+    """How often an effect of own ratio ``WEAK`` or more was told, at its place, in cases where it was hidden; and in
+    how many of all cases it is named at a wrong place (or with a wrong map), and where it isn't hidden."""
 
     name: str
     alone: Share
     compound: Share
-    wrongly: int
+    misplaced: int
+    absent: int
 
     @property
     def either(self) -> Share:
@@ -26,14 +27,19 @@ class Found:
 
     def __str__(self) -> str:
         alone, compound = (f"{one.hits:g}/{one.count}" for one in (self.alone, self.compound))
-        return f"| `{self.name}` | {alone} | {compound} | {self.either} | {self.wrongly or ''} |"
+        return (
+            f"| `{self.name}` | {alone} | {compound} | {self.either} | {self.misplaced or ''} | {self.absent or ''} |"
+        )
 
 
 def by_effect(cases: Sequence[Judged]) -> list[str]:
     """The table, line by line."""
-    told = f"Of effects whose own ratio is {WEAK} or more, told at {LIKELY} or more and at their place:"
-    head = "| effect | alone | in compounds | either | named where it isn't |"
-    return [told, "", head, "|" + " --- |" * 5, *map(str, found(cases))]
+    told = (
+        f"Of effects whose own ratio is {WEAK} or more, told at {LIKELY} or more and at their place;"
+        " named wrongly in how many of all cases:"
+    )
+    head = "| effect | alone | in compounds | either | at a wrong place | not hidden |"
+    return [told, "", head, "|" + " --- |" * 6, *map(str, found(cases))]
 
 
 def found(cases: Sequence[Judged]) -> list[Found]:
@@ -52,5 +58,6 @@ def _found(cases: Sequence[Judged], name: str) -> Found:
 
     shown = [case for case in cases if is_shown(case)]
     alone, compound = ([case for case in shown if (case.kind == "single") is one] for one in (True, False))
-    wrongly = sum(case.truth_of(name) is None and name in case.wrong_likely for case in cases)
-    return Found(name, share(alone, is_told), share(compound, is_told), wrongly)
+    wrong = [case for case in cases if name in case.wrong_likely]
+    misplaced = sum(case.truth_of(name) is not None for case in wrong)
+    return Found(name, share(alone, is_told), share(compound, is_told), misplaced, len(wrong) - misplaced)

@@ -41,8 +41,11 @@ among which they lie, least part by which they differ of what they should differ
 errors: two may be as large as one another, and differ by noise alone."""
 FARTHEST_ERRORS = 4.0
 """Standard deviations of chance, beyond which a change between rest frames is an outlier."""
-TWIN, SPIKE = 0.5 + 1e-6, 5.0
-"""Freedom of a reading whose number one other tells; times a reading's usual scatter from which on it is a spike."""
+TWIN, SPIKE = 0.5, 5.0
+"""Freedom of a reading whose number one other alone tells; times a reading's usual scatter from which on it is a
+spike."""
+ROUNDING = 1e-12
+"""Part of the largest reading that is nothing: what is left of one whose only twin is left out."""
 LEAST_FREEDOM = 0.05
 """Readings that a network follows more closely than this say nothing about the noise."""
 
@@ -141,7 +144,7 @@ def gather(recording: Recording, criteria: Criteria = DEFAULT) -> Evidence:
     fitted = (scan @ protocol.orthonormal.T).reshape(voltage.shape)
     if limit is None and bent:
         limit = _bent_level_v(voltage, fitted, spike)
-    leftover = np.where(spike | ~np.isfinite(voltage), 0.0, voltage - fitted)
+    leftover = _leftover(voltage, fitted, spike)
     freedom = leftover_freedom(protocol, np.isfinite(voltage).mean(axis=0) > 0.5)
     noise_v = _noise_v(protocol, scan, leftover / np.sqrt(np.maximum(freedom, LEAST_FREEDOM)), spike, rest)
     scan[~determined | (spike[:, protocol.taken].mean(axis=1) >= 0.5)] = np.nan
@@ -236,6 +239,12 @@ def _scans(
     if straight is not None:
         scan, spike = _presses_restored(protocol, straight, scan, spike, rest)
     return scan, spike, bent
+
+
+def _leftover(voltage: Array, fitted: Array, spike: NDArray[np.bool_]) -> Array:
+    """(T,K,M) what no network explains of the readings, in volt; nought where that says nothing."""
+    found = np.where(spike | ~np.isfinite(voltage), 0.0, voltage - fitted)
+    return np.where(np.abs(found) > ROUNDING * np.abs(fitted).max(), found, 0.0)
 
 
 def _noise_v(
@@ -339,21 +348,24 @@ def _usual_restored(
 def _twins_restored(
     protocol: Protocol, voltage: Array, fitted: Array, spike: NDArray[np.bool_]
 ) -> tuple[Array, NDArray[np.bool_]]:
-    """Scans and spikes with readings put back whose number only one other tells, unless they differ from what they
-    usually are.
+    """Scans and spikes with readings put back whose number one other alone tells, unless they differ from it otherwise
+    than they usually do: by as much, or by as much of the reading.
 
-    Of two that disagree nothing says which is wrong: left out is now the one, now the other, and now none, and what a
-    wrong gain or crosstalk makes of them jumps from frame to frame.
+    Nothing says which of the two is wrong, however far apart they are: left out would be now the one, now the other,
+    and now none, and what a wrong gain or offset makes of them would jump from frame to frame.
     """
     present = np.isfinite(voltage)
-    twin = leftover_freedom(protocol, present.mean(axis=0) > 0.5) <= TWIN
-    if not (spike & present & twin).any():
-        return _scans_without(protocol, voltage, fitted, spike), spike
-    filled = np.where((spike & ~twin) | ~present, fitted, voltage).reshape(len(voltage), -1)
-    off = (filled - filled @ protocol.orthonormal @ protocol.orthonormal.T).reshape(voltage.shape)
-    change = off - np.median(off, axis=0)
+    freedom = leftover_freedom(protocol, present.mean(axis=0) > 0.5)
+    twin = present & (np.abs(freedom - TWIN) < 1e-6)
+    filled = np.where((spike & ~twin) | ~present, fitted, voltage)
+    scan = filled.reshape(len(filled), -1) @ protocol.orthonormal
+    told = (scan @ protocol.orthonormal.T).reshape(voltage.shape)
+    usual, level = np.median(filled - told, axis=0), np.median(told, axis=0)
+    change = filled - told - usual
+    grown = usual * (told / np.where(level == 0, np.inf, level) - (level != 0))
     scatter = np.maximum(robust_std(change, axis=0), robust_std(change[present & ~spike]))
-    kept = spike & ~(twin & present & (np.abs(change) < SPIKE * scatter))
+    odd = np.minimum(np.abs(change), np.abs(change - grown)) > SPIKE * scatter
+    kept = spike & ~(twin & ~odd)
     return _scans_without(protocol, voltage, fitted, kept), kept
 
 

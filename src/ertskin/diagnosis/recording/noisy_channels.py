@@ -14,8 +14,6 @@ MORE = 1.25
 """Times the scatter of the channel in the middle: of 36 recordings the largest of sound channels has 1.12."""
 SURELY = 5.0
 """Standard deviations of chance beyond that."""
-NOTHING = 1e-9
-"""Part of the largest that is rounding: what is left of a reading whose only twin was left out."""
 FEWEST = 30
 """Readings that a channel must have to be judged."""
 FEWEST_CHANNELS = 4
@@ -32,8 +30,7 @@ def noisy_channels(leftover_v: NDArray[np.floating], protocol: Protocol) -> dict
     if len(leftover_v) < 2:
         return {}
     freedom = leftover_freedom(protocol, (leftover_v != 0).mean(axis=0) > 0.5)
-    said = np.abs(leftover_v) > NOTHING * np.abs(leftover_v).max()
-    known = said[1:] & said[:-1] & (freedom > LEAST_FREEDOM)
+    known = (leftover_v[1:] != 0) & (leftover_v[:-1] != 0) & (freedom > LEAST_FREEDOM)
     size = np.sqrt(np.maximum(freedom, LEAST_FREEDOM))
     change = np.where(known, np.diff(leftover_v.astype(float), axis=0) / size, np.nan)
     count = known.sum(axis=(0, 1))

@@ -43,10 +43,3 @@ def test_a_standing_error_is_no_noise_and_what_was_not_read_says_nothing() -> No
     standing[..., 7] = 0.0
     assert noisy_channels(standing, SCAN) == {}
     assert noisy_channels(standing[:1], SCAN) == {}
-
-
-def test_what_is_left_of_a_reading_whose_only_twin_was_left_out_says_nothing() -> None:
-    rounding = leftover(frames=30)
-    rounding[..., 3, NOISY] = 0.02
-    rounding[::3, 3, NOISY] = 1e-17
-    assert noisy_channels(rounding, SCAN) == {}
