@@ -51,8 +51,6 @@ def test_pages_say_what_the_samples_show(table: list[list[str]]) -> None:
             assert said[name][2:] == shares, name
         elif name.startswith("`"):
             assert said[name.strip("`")] == [name, *shares]
-    for label, _, together in (line for line in table if len(line) == 3 and " (" in line[2]):
-        assert together in (CONCEALED / "README.md").read_text(), label
 
 
 def test_the_page_s_column_is_the_last_sample_s_score(table: list[list[str]]) -> None:

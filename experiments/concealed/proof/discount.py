@@ -8,19 +8,15 @@ its own, are left out, and ties stay ties.
 
 from __future__ import annotations
 
-import argparse
 import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-import seals
-from judged import DiagnosisError, Judged
-from opened_sample import judged, opened
+from judged import Judged
+from opened_sample import asked_for
 
-METHOD = "ertskin"
 DISCOUNTS = (1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 12.0, 15.0)
 FIRST = 10.0
 """The discount of diagnoses that don't say theirs."""
@@ -87,14 +83,7 @@ def over_first(by_case: list[list[Doubted]], discount: float) -> tuple[float, fl
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("results", type=Path, nargs="+", help="folders of opened samples")
-    options = parser.parse_args()
-    try:
-        cases = [case for results in options.results for case in judged(results, opened(results))[METHOD]]
-    except (seals.SealError, DiagnosisError) as error:
-        print(error, file=sys.stderr)
-        return 2
+    cases = asked_for(__doc__)
     by_case = [list(doubted(case)) for case in cases]
     found = [one for claims in by_case for one in claims]
     print(f"{len(found)} claims that rivals made less sure, {sum(one.right for one in found)} right\n")

@@ -7,16 +7,12 @@ wander and others.
 
 from __future__ import annotations
 
-import argparse
 import sys
 from collections import defaultdict
-from pathlib import Path
 
-import seals
-from judged import DiagnosisError, Judged
-from opened_sample import judged, opened
+from judged import Judged
+from opened_sample import asked_for
 
-METHOD = "ertskin"
 KINDS = {"piezo_inhomogeneity": "fields", "sheet_inhomogeneity": "fields", "contact_drift": "contacts that wander"}
 
 
@@ -33,14 +29,7 @@ def lowered(cases: list[Judged]) -> dict[tuple[str, str], dict[bool, list[int]]]
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("results", type=Path, nargs="+", help="folders of opened samples")
-    options = parser.parse_args()
-    try:
-        cases = [case for results in options.results for case in judged(results, opened(results))[METHOD]]
-    except (seals.SealError, DiagnosisError) as error:
-        print(error, file=sys.stderr)
-        return 2
+    cases = asked_for(__doc__)
     print(f"{sum(bool(claim.get('reasons')) for case in cases for claim in case.claims)} claims with reasons\n")
     print("| rule | claims | right (recordings) | wrong (recordings) |")
     print("| --- | --- | --- | --- |")

@@ -19,7 +19,7 @@ import numpy as np
 import seals
 from judged import CORRELATION, Judged
 from numpy.typing import NDArray
-from opened_sample import judged, opened
+from opened_sample import METHOD, judged, opened
 from record import skin_of
 from scipy.spatial.distance import cdist
 from suite import Case, suite
@@ -30,7 +30,6 @@ from ertskin.diagnosis.search.smooth_fields import LENGTHS
 Array = NDArray[np.float64]
 
 FIELD = "piezo_inhomogeneity"
-METHOD = "ertskin"
 
 
 @dataclass(frozen=True)

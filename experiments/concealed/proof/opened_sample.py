@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import argparse
 import hashlib
 from pathlib import Path
 from typing import Any
 
 import seals
-from judged import Judged, checked
+from judged import DiagnosisError, Judged, checked
 from suite import suite
+
+METHOD = "ertskin"
 
 
 def opened(results: Path, recordings: Path | None = None) -> dict[str, dict[str, Any]]:
@@ -42,3 +45,14 @@ def judged(results: Path, truths: dict[str, dict[str, Any]]) -> dict[str, list[J
         method: [Judged(name, truth, checked(f"{method}/{name}", by_case.get(name))) for name, truth in truths.items()]
         for method, by_case in said.items()
     }
+
+
+def asked_for(description: str | None) -> list[Judged]:
+    """The diagnosis's cases of the samples that the command line names; what is wrong with one ends it in a line."""
+    parser = argparse.ArgumentParser(description=description)
+    parser.add_argument("results", type=Path, nargs="+", help="folders of opened samples")
+    options = parser.parse_args()
+    try:
+        return [case for results in options.results for case in judged(results, opened(results))[METHOD]]
+    except (seals.SealError, DiagnosisError) as error:
+        parser.exit(2, f"{error}\n")

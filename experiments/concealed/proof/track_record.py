@@ -15,11 +15,10 @@ from pathlib import Path
 import seals
 from by_effect import by_effect
 from judged import DiagnosisError, Judged
-from opened_sample import judged, opened
+from opened_sample import METHOD, judged, opened
 from rows import Calibration, FormClasses, Row, calibration_error, reliability, rows
 from score import draw
 
-METHOD = "ertskin"
 COLUMNS = {
     "false alarms on nulls": "nulls",
     "confident (0.9) wrong names, all cases": "confident wrong",
