@@ -64,7 +64,7 @@ def _ceiling(case: Judged, hidden: dict[str, Any], drawn: Case) -> Ceiling:
     side_m = float(np.ptp(point_m, axis=0).max())
     places = Places(point_m[pressed], true[pressed], np.zeros(len(pressed)))
     lengths = LENGTHS if np.ptp(places.value) else ()
-    fields = (kriged(point_m, places, length * side_m)[1] for length in lengths)
+    fields = (kriged(point_m, places, length * side_m).mean for length in lengths)
     best = max((float(np.corrcoef(field, true)[0, 1]) for field in fields), default=0.0)
     said = max((case.correlation(one) for one in case.claims if one["name"] == FIELD), default=0.0)
     return Ceiling(case, hidden["form"], hidden["own"], len(pressed), len(point_m), best, said)

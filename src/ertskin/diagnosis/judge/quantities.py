@@ -14,7 +14,8 @@ from ertskin.diagnosis.criteria import Criteria
 from ertskin.diagnosis.fit.joint_fit import Solved
 from ertskin.diagnosis.force.fit import ForceFit
 from ertskin.diagnosis.judge.confidence import explained, reasoned
-from ertskin.diagnosis.judge.map_probability import Places, right_as_fitted, right_by_places
+from ertskin.diagnosis.judge.known_map import as_known, departing, where_pressed
+from ertskin.diagnosis.judge.map_probability import Places
 from ertskin.diagnosis.judge.result import Findings
 from ertskin.diagnosis.judge.undetermined_field import known_at
 from ertskin.diagnosis.linear.calibration_vector import SkinFamily
@@ -33,8 +34,6 @@ Array = NDArray[np.float64]
 
 GRID = 24
 """Points of a map along the longer side of the sheet."""
-NEXT_TO_M = 2e-3
-"""As far from a place pressed as what is told there holds: well within what a press of the paper's indenter covers."""
 STEP = 0.3
 """Standard errors by which parameters are moved to see what a quantity owes them."""
 SMOOTH = 0.2
@@ -134,7 +133,10 @@ def _of_field(claim: Claim, selection: Selection, standard: Standard) -> Claim:
     if claim.field_map is None:
         return claim
     if not claim.by_place:
-        field = _as_known(claim.field_map, claim.effect.name, selection.after, standard.extent_m)
+        departure = departing(claim.effect, selection)
+        if departure is not None:
+            return replace(claim, field_map=departure.told(claim.field_map))
+        field = as_known(claim.field_map, claim.effect.name, selection.after, standard.extent_m)
         return replace(claim, field_map=field)
     place_m = pressed_places_m(selection.problem)
     value = logarithms(claim.effect, place_m, standard.extent_m)
@@ -143,26 +145,6 @@ def _of_field(claim: Claim, selection: Selection, standard: Standard) -> Claim:
     side_m = float(np.ptp(standard.extent_m, axis=0).max())
     quantities = claim.quantities | {"log_spread": spread_of(value)}
     return replace(claim, field_map=where_pressed(claim.field_map, places, side_m), quantities=quantities)
-
-
-def _as_known(field: FieldMap, name: str, solved: Solved, extent_m: Array) -> FieldMap:
-    """The map with what the fit knows of it, where a smooth field of this name is in it."""
-    taxels = None if field.taxels is None else _as_known(field.taxels, name, solved, extent_m)
-    known = known_at(solved, extent_m, field.point_m).get(name)
-    if known is None:
-        return replace(field, taxels=taxels)
-    right = right_as_fitted(field.value, known.covariance) if taxels is None else None
-    return replace(field, error=known.error, determined=known.determined, right=right, taxels=taxels)
-
-
-def where_pressed(field: FieldMap, places: Places, side_m: float) -> FieldMap:
-    """The map, determined next to the places alone, on a sheet of this longer side: how sure a smooth field would be
-    elsewhere says nothing."""
-    taxels = None if field.taxels is None else where_pressed(field.taxels, places, side_m)
-    apart_m = np.linalg.norm(field.point_m[:, None] - places.point_m, axis=-1).min(axis=1)
-    determined = apart_m <= NEXT_TO_M
-    right = right_by_places(field.value, field.point_m, places, side_m) if taxels is None else None
-    return replace(field, error=None, determined=determined, right=right, taxels=taxels)
 
 
 def spread_of(sample: Array) -> Estimate:

@@ -8,7 +8,14 @@ from numpy.typing import NDArray
 from scipy.spatial.distance import cdist
 from scipy.stats import nct
 
-from ertskin.diagnosis.judge.map_probability import FOLLOWS, Places, right_as_fitted, right_by_places
+from ertskin.diagnosis.judge.map_probability import (
+    FOLLOWS,
+    Places,
+    errors_among,
+    right_as_fitted,
+    right_by_places,
+    told_by,
+)
 from ertskin.diagnosis.judge.undetermined_field import _inflated
 
 FIELD = np.random.default_rng(3).standard_normal(40)
@@ -94,6 +101,18 @@ def test_probabilities_are_as_often_right_as_they_say() -> None:
             right.append(np.corrcoef(found, field)[0, 1] >= FOLLOWS)
     assert np.mean(stated) == pytest.approx(np.mean(right), abs=0.08)
     assert np.mean(np.array(right)[np.array(stated) > 0.7]) > 0.7
+
+
+def test_errors_hold_the_field_whatever_its_length() -> None:
+    off, rng = [], np.random.default_rng(5)
+    for length_m in SIDE_M * np.array([0.1, 0.25, 0.5, 1.0]):
+        for field in drawn(length_m, 30, seed=6):
+            known = np.isin(np.arange(36), rng.permutation(36)[:18])
+            places = Places(POINT_M[known], field[known], np.zeros(18))
+            found = field[known][cdist(POINT_M, POINT_M[known]).argmin(axis=1)]
+            error = errors_among(found, told_by(places, POINT_M, SIDE_M))
+            off.append(((found - field) / error)[~known])
+    assert float(np.sqrt(np.mean(np.square(off)))) == pytest.approx(1.0, abs=0.1)
 
 
 def test_of_too_few_points_nothing_is_said() -> None:

@@ -8,6 +8,7 @@ import pytest
 
 from ertskin.diagnosis.contract.claims import QUANTILE, Claim, Estimate
 from ertskin.diagnosis.criteria import DEFAULT
+from ertskin.diagnosis.judge.known_map import where_pressed
 from ertskin.diagnosis.judge.map_probability import Places
 from ertskin.diagnosis.judge.quantities import (
     Spread,
@@ -18,7 +19,6 @@ from ertskin.diagnosis.judge.quantities import (
     spread_of,
     standard_of,
     stated,
-    where_pressed,
 )
 from ertskin.hardware.virtual.bench.nominal import nominal_sensor
 from ertskin.physics.effects.adc_saturation import AdcSaturation
@@ -119,16 +119,6 @@ def test_a_map_states_the_sensing_points_too() -> None:
     taxels = field.as_builtins()["taxels"]
     assert taxels["point_m"] == pytest.approx(SENSOR.taxel_m)
     assert taxels["value"] == pytest.approx(effect.logarithm(SENSOR.taxel_m, SENSOR.extent_m), abs=1e-4)
-
-
-def test_what_is_told_by_places_is_determined_next_to_them_alone() -> None:
-    field = field_map(PiezoInhomogeneity(amplitude=0.5, x_m=0.04, y_m=0.06, radius_m=0.02), SENSOR)
-    assert field is not None
-    found = where_pressed(field, Places(SENSOR.taxel_m[[3, 7]] + 1e-3, np.array([0.1, 0.4]), np.zeros(2)), 0.1)
-    assert found.taxels is not None
-    assert np.flatnonzero(found.taxels.determined).tolist() == [3, 7]
-    assert found.determined is not None
-    assert found.determined.sum() < 0.05 * len(found.determined)
 
 
 @pytest.mark.parametrize(

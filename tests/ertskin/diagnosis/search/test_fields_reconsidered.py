@@ -1,4 +1,5 @@
-"""A field that entered while other effects were missing is asked for once more where they are there."""
+"""A field that entered while other effects were missing is asked for once more where they are there, and what it hides
+before it."""
 
 from __future__ import annotations
 
@@ -104,3 +105,57 @@ def test_a_search_that_comes_to_nothing_changes_nothing(misfit: float, monkeypat
     assert (search.disagrees, search.build, search.fixed) == ((True, fit_of, 0) if taken else (False, None, 1))
     assert ("pad:" in search.stand) == taken
     assert [one.kept for one in search.tried] == [taken]
+
+
+def with_what_is_hidden(
+    incumbent: CheckedFit,
+    monkeypatch: pytest.MonkeyPatch,
+    then: tuple[NamedTerm, ...] = (FIELD,),
+    misfit: float = 1.0,
+    likelier: float | None = 900.0,
+) -> tuple[list[str], list[Tried]]:
+    """The names chosen where a pad gains a little beside a field, and ``then`` follow it; and what was tried."""
+
+    def grown(search: selection._Search, fit: CheckedFit) -> CheckedFit:
+        search.tried.append(Tried(tuple(term.name for term in (*fit.solved.terms, *then)), 9.0, True))
+        return replace(fit_of(*fit.solved.terms, *then), misfit=misfit)
+
+    monkeypatch.setattr(selection, "where_it_settles", lambda build, problem, solved: fit_of(*solved.terms))
+    monkeypatch.setattr(selection, "refined", lambda build, fit, partitions: fit)
+    monkeypatch.setattr(selection, "_likelier", lambda solved, other: likelier)
+    monkeypatch.setattr(selection._Search, "one_more", lambda search, without, wanted: None)
+    monkeypatch.setattr(selection._Search, "_beside_fields", lambda search, fit: PAD)
+    monkeypatch.setattr(selection._Search, "grown", grown)
+    monkeypatch.setattr(selection._Search, "pruned", lambda search, fit: (chosen_of(fit), fit))
+    search = selection._Search(None, [], lambda share, text: None, 0, {})  # type: ignore[arg-type]
+    found, fit = search.fields_reconsidered(chosen_of(incumbent), incumbent)
+    assert found == chosen_of(fit)
+    return [term.name for term in fit.solved.terms], search.tried
+
+
+def chosen_of(fit: CheckedFit) -> Any:
+    return tuple(SimpleNamespace(term=term) for term in fit.solved.terms)
+
+
+def test_what_a_field_hides_enters_before_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    found, tried = with_what_is_hidden(fit_of(FIELD, misfit=1.04), monkeypatch)
+    assert found == ["pad", "field"]
+    assert [one.kept for one in tried] == [True]
+
+
+@pytest.mark.parametrize(
+    "found",
+    [{"then": ()}, {"then": (DRIFT,)}, {"misfit": 1.2}, {"likelier": None}],
+    ids=["without the field", "with another", "worse", "no likelier"],
+)
+def test_a_field_that_hides_nothing_stays(found: dict[str, Any], monkeypatch: pytest.MonkeyPatch) -> None:
+    names, tried = with_what_is_hidden(fit_of(FIELD, misfit=1.04), monkeypatch, **found)
+    assert names == ["field"]
+    assert [one.kept for one in tried] == [False]
+
+
+@pytest.mark.parametrize("incumbent", [fit_of(FIELD), fit_of(DRIFT, misfit=1.04)], ids=["all explained", "no field"])
+def test_without_a_field_or_misfit_nothing_is_hidden(incumbent: CheckedFit, monkeypatch: pytest.MonkeyPatch) -> None:
+    names, tried = with_what_is_hidden(incumbent, monkeypatch)
+    assert names == [term.name for term in incumbent.solved.terms]
+    assert tried == []

@@ -45,7 +45,8 @@ def test_a_specimen_that_shows_nothing_of_what_the_skin_remembers_is_left_out(
 def test_a_specimen_that_differs_in_the_end_has_no_say_in_what_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     # The specimen remembers, the skin doesn't: a field that made up for the specimen's law goes with it.
     incumbent, apart = checked_fit((LOOP,)), checked_fit()
-    apart = replace(apart, problem=SimpleNamespace(specimen=None))  # type: ignore[arg-type]
+    without: Any = SimpleNamespace(specimen=None, evidence=SimpleNamespace(criteria=DEFAULT))
+    apart = replace(apart, problem=without)
     monkeypatch.setattr(selection, "remembers_alike", lambda specimen, effects, criteria: False)
     monkeypatch.setattr(selection, "where_it_settles", lambda build, problem, solved: apart)
     monkeypatch.setattr(selection, "_reconsidered", lambda build, proposed: proposed)
