@@ -56,7 +56,7 @@ def trials_of(
     """The likeliest candidates of those ``found``, fitted, best first.
 
     A further name gains what it gains beyond the form error of the terms at hand, which itself would gain ``left``.
-    ``settle`` linearises about a fit that has gone far: the first candidate, where it doesn't gain what was expected of
+    ``settle`` linearises about a fit that has gone far: the first candidate of few numbers, where it doesn't gain what was expected of
     it, is judged there.
     """
     least = worth_a_name(problem, current)
@@ -199,16 +199,18 @@ def _try(
 
 
 def _unfulfilled(candidates: Sequence[Candidate], trials: Sequence[Trial], least: float) -> int | None:
-    """Which trial is the first candidate's, where that one, expected to be worth a name, gains far less than expected.
+    """Which trial is that of the first candidate of few numbers, where that one, expected to be worth a name, gains far
+    less than expected.
 
-    A contact that lands millimetres off is far from where the skin is linearised; what is fitted there is fitted to
-    another skin.
+    A contact that lands millimetres off, or a sheet that warms by a tenth, is far from where the skin is linearised;
+    what is fitted there is fitted to another skin.
     """
+    first = next((c for c in candidates if c.term.modes is None), None)
+    if first is None or first.gain <= least:
+        return None
     for k, trial in enumerate(trials):
-        first = candidates[0]
         if trial.term.name == first.name and form_of(trial.term) == form_of(first.term):
-            smooth = first.term.modes is not None
-            return k if first.gain > least and not smooth and trial.gain < FULFILLED * first.gain else None
+            return k if trial.gain < FULFILLED * first.gain else None
     return None
 
 

@@ -137,16 +137,17 @@ def chosen_of(fit: CheckedFit) -> Any:
     return tuple(SimpleNamespace(term=term) for term in fit.solved.terms)
 
 
-def test_what_a_field_hides_enters_before_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    found, tried = with_what_is_hidden(fit_of(FIELD, misfit=1.04), monkeypatch)
-    assert found == ["pad", "field"]
+@pytest.mark.parametrize("then", [(FIELD,), ()], ids=["and the field", "alone"])
+def test_what_a_field_hides_enters_before_it(then: tuple[NamedTerm, ...], monkeypatch: pytest.MonkeyPatch) -> None:
+    found, tried = with_what_is_hidden(fit_of(FIELD, misfit=1.04), monkeypatch, then=then)
+    assert found == ["pad", *(term.name for term in then)]
     assert [one.kept for one in tried] == [True]
 
 
 @pytest.mark.parametrize(
     "found",
-    [{"then": ()}, {"then": (DRIFT,)}, {"misfit": 1.2}, {"likelier": None}],
-    ids=["without the field", "with another", "worse", "no likelier"],
+    [{"misfit": 1.2}, {"likelier": None}],
+    ids=["worse", "no likelier"],
 )
 def test_a_field_that_hides_nothing_stays(found: dict[str, Any], monkeypatch: pytest.MonkeyPatch) -> None:
     names, tried = with_what_is_hidden(fit_of(FIELD, misfit=1.04), monkeypatch, **found)
