@@ -31,7 +31,8 @@ SHARES = 1.0, 0.3, 0.1
 
 
 FULFILLED = 0.5
-"""Part of what the first candidate is expected to gain that its fit must, or it is fitted again where it settles."""
+"""Part of what the first candidate of few numbers is expected to gain that its fit must, or it is fitted again where it
+settles."""
 
 Settle = Callable[[Solved], CheckedFit | None]
 
@@ -56,8 +57,8 @@ def trials_of(
     """The likeliest candidates of those ``found``, fitted, best first.
 
     A further name gains what it gains beyond the form error of the terms at hand, which itself would gain ``left``.
-    ``settle`` linearises about a fit that has gone far: the first candidate of few numbers, where it doesn't gain what was expected of
-    it, is judged there.
+    ``settle`` linearises about a fit that has gone far: the first candidate of few numbers, where it doesn't gain what
+    was expected of it, is judged there.
     """
     least = worth_a_name(problem, current)
     trials: list[Trial] = []
