@@ -37,9 +37,9 @@ from ertskin.diagnosis.judge.confidence import (
 )
 from ertskin.diagnosis.judge.contact_drift_claims import drift_claims
 from ertskin.diagnosis.judge.held_out import Predictions, broad_ratio, misfit_p
+from ertskin.diagnosis.judge.known_map import determined_points
 from ertskin.diagnosis.judge.repeatability import Repeatability
 from ertskin.diagnosis.judge.result import Findings
-from ertskin.diagnosis.judge.undetermined_field import determined_points
 from ertskin.diagnosis.recording.evidence import Evidence
 from ertskin.diagnosis.recording.noisy_channels import noisy_channels
 from ertskin.diagnosis.recording.split import SPLIT
@@ -313,7 +313,7 @@ def _reason(case: Case, claims: list[Claim], jitters: bool) -> str | None:
     said += [f"{name} is known only where something has pressed: press at the other places" for name in by_place]
     said += [
         f"{name} is told at {determined} of {points} sensing points: press at the others"
-        for name, determined, points in determined_points(case.selection.after, case.evidence.sensor)
+        for name, determined, points in determined_points(case.selection)
         if determined < points and name not in by_place
     ]
     if claims and case.found.spoilt(case.criteria) and not by_place:

@@ -15,6 +15,7 @@ from ertskin.diagnosis.judge.map_probability import (
     right_among,
     right_as_fitted,
     right_by_places,
+    tell,
     told_by,
 )
 from ertskin.diagnosis.judge.undetermined_field import MOST_LEFT, known_at
@@ -30,9 +31,28 @@ NEXT_TO_M = 2e-3
 """As far from a place pressed as what is told there holds: well within what a press of the paper's indenter covers."""
 
 
-def as_known(field: FieldMap, name: str, solved: Solved, extent_m: Array) -> FieldMap:
+def known_map(field: FieldMap, effect: Effect, selection: Selection) -> FieldMap:
+    """The effect's map with what is known of it."""
+    smooth = smooth_part(effect, selection)
+    if smooth is not None:
+        return smooth.known(field)
+    return _as_fitted(field, effect.name, selection.after, selection.problem.evidence.sensor.extent_m)
+
+
+def determined_points(selection: Selection) -> list[tuple[str, int, int]]:
+    """The smooth fields of a fit by name, at how many of the sensing points each is determined, and of how many."""
+    sensor, found = selection.problem.evidence.sensor, []
+    for term in selection.after.terms:
+        value = None if term.modes is None else term.effect.map_at(sensor.taxel_m, sensor.extent_m)
+        known = None if value is None else known_map(FieldMap(sensor.taxel_m, value), term.effect, selection)
+        if known is not None and known.determined is not None:
+            found.append((term.name, int(known.determined.sum()), len(known.determined)))
+    return found
+
+
+def _as_fitted(field: FieldMap, name: str, solved: Solved, extent_m: Array) -> FieldMap:
     """The map with what the fit knows of it, where a smooth field of this name is in it."""
-    taxels = None if field.taxels is None else as_known(field.taxels, name, solved, extent_m)
+    taxels = None if field.taxels is None else _as_fitted(field.taxels, name, solved, extent_m)
     known = known_at(solved, extent_m, field.point_m).get(name)
     if known is None:
         return replace(field, taxels=taxels)
@@ -40,8 +60,9 @@ def as_known(field: FieldMap, name: str, solved: Solved, extent_m: Array) -> Fie
     return replace(field, error=known.error, determined=known.determined, right=right, taxels=taxels)
 
 
-def departing(effect: Effect, selection: Selection) -> Departure | None:
-    """The smooth field of an effect that presses alone show, by its values where something has pressed; else None.
+def smooth_part(effect: Effect, selection: Selection) -> SmoothPart | None:
+    """The smooth field of an effect that presses alone show, by its values where something has pressed; None of another
+    field, and where such places are too few.
 
     Of forty covariances one, of lines in some direction say, may foretell a few presses by luck, and leaves no doubt of
     other places: three maps of eight places pressed were all but sure so, and wrong (c019, c094 of `nineteenth96`, c037
@@ -52,26 +73,25 @@ def departing(effect: Effect, selection: Selection) -> Departure | None:
         return None
     extent_m, place_m = selection.problem.evidence.sensor.extent_m, pressed_places_m(selection.problem)
     known = known_at(selection.after, extent_m, place_m)[effect.name]
-    return Departure(nodes, extent_m, Places(place_m, field_at(nodes, place_m, extent_m), known.error))
+    places = Places(place_m, field_at(nodes, place_m, extent_m), known.error)
+    return SmoothPart(nodes, extent_m, places) if tell(places) else None
 
 
 @dataclass(frozen=True, eq=False)
-class Departure:
-    """What of a field no form of few numbers gives: a smooth field, by its values at places."""
+class SmoothPart:
+    """What of a field no form of few numbers gives, by its values at places."""
 
     nodes: Nodes
     extent_m: Array
     places: Places
 
-    def told(self, field: FieldMap) -> FieldMap:
+    def known(self, field: FieldMap) -> FieldMap:
         """The map with how well the places tell it."""
-        taxels = None if field.taxels is None else self.told(field.taxels)
+        taxels = None if field.taxels is None else self.known(field.taxels)
         form = field.value - field_at(self.nodes, field.point_m, self.extent_m)
         side_m = float(np.ptp(self.extent_m, axis=0).max())
         posteriors = [replace(one, mean=form + one.mean) for one in told_by(self.places, field.point_m, side_m)]
         right = right_among(field.value, posteriors) if taxels is None else None
-        if not posteriors:
-            return replace(field, determined=np.zeros(len(field.value), dtype=bool), right=right, taxels=taxels)
         error = errors_among(field.value, posteriors)
         determined = error < MOST_LEFT * float(np.std(self.places.value))
         return replace(field, error=error, determined=determined, right=right, taxels=taxels)

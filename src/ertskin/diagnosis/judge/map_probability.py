@@ -24,6 +24,10 @@ DRAWN = 4000
 SEED = 0
 JITTER = 1e-4
 """Part of the variance that a place has for itself: those a finger apart would make the covariance singular."""
+SPREADS = np.geomspace(0.3, 6.0, 10)
+"""Standard deviations supposed of a field, over that of the values at places."""
+LEAST_WEIGHT = 1e-3
+"""Weight, over that of the likeliest, from which on a covariance counts."""
 FEWEST = 3
 """Points from which on a correlation means something, and places from which on they tell how far a field spreads."""
 
@@ -62,13 +66,21 @@ def right_by_places(found: Array, point_m: Array, places: Places, side_m: float)
 def told_by(places: Places, point_m: Array, side_m: float) -> list[FieldPosterior]:
     """What values at places alone tell of a field at points (n,2); nothing where they are too few, or all the same.
 
-    From them a Gaussian process tells the rest, Matern's of order 3/2 with a mean of its own (universal kriging), its
-    variance the likeliest, its length one of those that smooth fields have over the sheet's longer ``side_m``, each as
-    likely as it makes the values (restricted likelihood).
+    From them a Gaussian process tells the rest, Matern's of order 3/2 with a mean of its own (universal kriging). Its
+    length is one of those that smooth fields have over the sheet's longer ``side_m``, its standard deviation one of
+    ``SPREADS``, each as likely as both make the values (restricted likelihood): few places leave the deviation open.
     """
-    if len(places.value) < FEWEST or np.ptp(places.value) == 0.0:
+    if not tell(places):
         return []
-    return [kriged(point_m, places, length * side_m) for length in LENGTHS]
+    kinds = [(length * side_m, spread * float(places.value.std())) for length in LENGTHS for spread in SPREADS]
+    likely = np.array([_restricted(places, *kind)[0] for kind in kinds])
+    kept = np.flatnonzero(likely > likely.max() + np.log(LEAST_WEIGHT))
+    return [kriged(point_m, places, *kinds[k]) for k in kept]
+
+
+def tell(places: Places) -> bool:
+    """Whether places are enough, and differ, to tell how far a field spreads."""
+    return len(places.value) >= FEWEST and bool(np.ptp(places.value) > 0.0)
 
 
 def right_among(found: Array, posteriors: Sequence[FieldPosterior]) -> float | None:
@@ -95,20 +107,28 @@ def _weights(posteriors: Sequence[FieldPosterior]) -> Array:
     return np.asarray(weight / weight.sum())
 
 
-def kriged(point_m: Array, places: Places, length_m: float) -> FieldPosterior:
-    """The field at the points (n,2) by its values at places alone, where it is of one length."""
+def kriged(point_m: Array, places: Places, length_m: float, spread: float) -> FieldPosterior:
+    """The field at the points (n,2) by its values at places alone, where it is of one length and one standard deviation
+    ``spread``."""
+    likely, among, one = _restricted(places, length_m, spread)
     value, place_m = places.value, places.point_m
-    among = _matern(place_m, place_m, length_m) + np.diag(JITTER + (places.error / value.std()) ** 2)
-    towards = np.linalg.solve(among, _matern(place_m, point_m, length_m)).T
-    one = np.linalg.solve(among, np.ones(len(value)))
+    apart_from = spread**2 * _matern(place_m, point_m, length_m)
+    towards = np.linalg.solve(among, apart_from).T
     mean = one @ value / one.sum()
-    apart = value - mean
-    variance = apart @ np.linalg.solve(among, apart) / (len(value) - 1)
     unsure = 1 - towards.sum(axis=1)
-    rest = _matern(point_m, point_m, length_m) - towards @ _matern(place_m, point_m, length_m)
+    rest = spread**2 * _matern(point_m, point_m, length_m) - towards @ apart_from
     rest += np.outer(unsure, unsure) / one.sum()
-    likely = -0.5 * ((len(value) - 1) * np.log(variance) + np.linalg.slogdet(among)[1] + np.log(one.sum()))
-    return FieldPosterior(float(likely), mean + towards @ apart, variance * rest)
+    return FieldPosterior(likely, mean + towards @ (value - mean), rest)
+
+
+def _restricted(places: Places, length_m: float, spread: float) -> tuple[float, Array, Array]:
+    """Logarithm of the values' restricted likelihood, their covariance (K,K), and what that makes of a mean (K,)."""
+    count = len(places.value)
+    among = spread**2 * (_matern(places.point_m, places.point_m, length_m) + JITTER * np.eye(count))
+    among += np.diag(places.error**2)
+    one, solved = np.linalg.solve(among, np.stack([np.ones(count), places.value], axis=1)).T
+    apart = places.value @ solved - (one @ places.value) ** 2 / one.sum()
+    return -0.5 * float(np.linalg.slogdet(among)[1] + np.log(one.sum()) + apart), among, one
 
 
 def _matern(one_m: Array, other_m: Array, length_m: float) -> Array:

@@ -14,7 +14,7 @@ from ertskin.diagnosis.criteria import Criteria
 from ertskin.diagnosis.fit.joint_fit import Solved
 from ertskin.diagnosis.force.fit import ForceFit
 from ertskin.diagnosis.judge.confidence import explained, reasoned
-from ertskin.diagnosis.judge.known_map import as_known, departing, where_pressed
+from ertskin.diagnosis.judge.known_map import known_map, where_pressed
 from ertskin.diagnosis.judge.map_probability import Places
 from ertskin.diagnosis.judge.result import Findings
 from ertskin.diagnosis.judge.undetermined_field import known_at
@@ -133,11 +133,7 @@ def _of_field(claim: Claim, selection: Selection, standard: Standard) -> Claim:
     if claim.field_map is None:
         return claim
     if not claim.by_place:
-        departure = departing(claim.effect, selection)
-        if departure is not None:
-            return replace(claim, field_map=departure.told(claim.field_map))
-        field = as_known(claim.field_map, claim.effect.name, selection.after, standard.extent_m)
-        return replace(claim, field_map=field)
+        return replace(claim, field_map=known_map(claim.field_map, claim.effect, selection))
     place_m = pressed_places_m(selection.problem)
     value = logarithms(claim.effect, place_m, standard.extent_m)
     known = known_at(selection.after, standard.extent_m, place_m).get(claim.effect.name)

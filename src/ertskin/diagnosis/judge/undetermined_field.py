@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from ertskin.diagnosis.fit.joint_fit import Modes, Solved, VoltageProblem
 from ertskin.diagnosis.search.smooth_fields import node_covariance, node_shape
 from ertskin.physics.effects.smooth_field import field_design
-from ertskin.physics.sensor import Sensor
 
 Array = NDArray[np.float64]
 
@@ -76,12 +75,6 @@ def known_at(solved: Solved, extent_m: Array, point_m: Array) -> dict[str, Known
         term = solved.terms[number]
         found[term.name] = Known(design @ covariance @ design.T, cast(Modes, term.modes).spread)
     return found
-
-
-def determined_points(solved: Solved, sensor: Sensor) -> list[tuple[str, int, int]]:
-    """The smooth fields of a fit by name, at how many of the sensing points each is determined, and of how many."""
-    known = known_at(solved, sensor.extent_m, sensor.taxel_m)
-    return [(name, int(one.determined.sum()), len(one.determined)) for name, one in known.items()]
 
 
 def _covariances(solved: Solved, extent_m: Array, inflation: float = 1.0) -> Iterator[tuple[int, Array]]:

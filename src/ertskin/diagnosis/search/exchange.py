@@ -78,6 +78,14 @@ def _swaps(incumbent: CheckedFit, trials: Sequence[Trial], fixed: int) -> Iterat
                     yield _Swap(present, term, problem.solve(rest, trial.solved.calibration, leftover=both))
 
 
+def gain_of_exchange(present: CheckedFit, proposed: CheckedFit) -> float:
+    """By how much (half chi-square, with what the freedom of fields costs) a proposed fit is likelier than the present
+    one, the specimen's readings with it: both count what no network explains, or neither."""
+    both = acquires(present.solved.effects) or acquires(proposed.solved.effects)
+    one, other = (_counting(fit.problem, fit.solved, both) for fit in (present, proposed))
+    return one.cost + freedom(one) - other.cost - freedom(other)
+
+
 def _counting(problem: VoltageProblem, solved: Solved, leftover: bool) -> Solved:
     """The fit that counts what no network explains, or one that doesn't."""
     if solved.leftover == leftover:

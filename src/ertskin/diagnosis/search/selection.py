@@ -16,7 +16,7 @@ from ertskin.diagnosis.fit.full_solution_check import CheckedFit, checked_fit, e
 from ertskin.diagnosis.fit.joint_fit import Solved, Term, VoltageProblem
 from ertskin.diagnosis.linear.calibration_vector import WIDEST_RATIO, Calibration
 from ertskin.diagnosis.search.candidates import Candidate, screen
-from ertskin.diagnosis.search.exchange import exchanged
+from ertskin.diagnosis.search.exchange import exchanged, gain_of_exchange
 from ertskin.diagnosis.search.form_error import form_error
 from ertskin.diagnosis.search.gain import gained
 from ertskin.diagnosis.search.pressed_places import fields_by_place, part_missed, told_by_place
@@ -273,8 +273,7 @@ class _Search:
         if entered is None:
             return self._in_anothers_place(incumbent, trials) or self.told_by_place(incumbent)
         trial, proposed = entered
-        others = [t for t in trials if t.term.name != trial.term.name and t.gain <= (1 + KNOWN) * trial.gain]
-        self.stand[_key(trial.term)] = tuple(Rival(t.term.effect, trial.gain - t.gain) for t in others)
+        self.stand[_key(trial.term)] = _short_of(trial, trials)
         return refined(self.build, _reconsidered(self.build, proposed), self.partitions)
 
     def _screened(self, problem: VoltageProblem, current: Solved) -> tuple[list[Candidate], float, list[Trial]]:
@@ -340,37 +339,45 @@ class _Search:
         A field of a hundred modes takes up most of what an even effect does: anisotropy was worth 68 in half chi-square
         beside one and 924 before it (c012 of `nineteenth96`).
         """
-        if incumbent.misfit <= incumbent.problem.evidence.criteria.chance_ratio:
+        terms = list(enumerate(incumbent.solved.terms))[self.fixed :]
+        smooth = [number for number, term in terms if term.modes is not None and not term.by_place]
+        if not smooth or incumbent.misfit <= incumbent.problem.evidence.criteria.chance_ratio:
             return chosen, incumbent
-        for number, term in enumerate(incumbent.solved.terms[self.fixed :], self.fixed):
-            hidden = None if term.modes is None else self._beside_fields(incumbent)
-            if hidden is None:
-                continue
+        hidden = self._beside_fields(incumbent)
+        for number in smooth if hidden else ():
             other = self._apart()
-            proposed = other._with_in_stead(incumbent, number, hidden)
-            if proposed is not None:
-                others, reached = other.pruned(other.grown(proposed))
-                if not reached.spoils(incumbent) and _likelier(reached.solved, incumbent) is not None:
-                    self._go_on_as(other)
-                    return others, reached
+            proposed = other._with_in_stead(incumbent, number, hidden[0])
+            if proposed is None:
+                continue
+            other.stand[_key(hidden[0].term)] = _short_of(hidden[0], hidden)
+            others, reached = other.pruned(other.grown(proposed))
+            gain = gain_of_exchange(incumbent, reached)
+            taken = gain > incumbent.problem.evidence.criteria.significant_gain and not reached.spoils(incumbent)
+            other.tried.append(Tried(tuple(term.name for term in reached.solved.terms), gain, True))
+            if taken and other.disagrees == self.disagrees:
+                self._go_on_as(other)
+                return others, reached
             self._came_to_nothing(other)
         return chosen, incumbent
 
-    def _beside_fields(self, incumbent: CheckedFit) -> Term | None:
-        """What is no field and gains most beside those that there are; None where nothing does."""
+    def _beside_fields(self, incumbent: CheckedFit) -> list[Trial]:
+        """What is no field and gains significantly beside those that there are, best first."""
         current, criteria = incumbent.problem.at_hand(incumbent.solved), incumbent.problem.evidence.criteria
         names = {term.name for term in current.terms}
         _, _, trials = self._screened(incumbent.problem, current)
-        gaining = (t for t in trials if t.gain > criteria.significant_gain and t.term.name not in names)
-        return next((t.term for t in gaining if not t.term.effect.hypothesis.field), None)
+        self.tried += [_as_tried(trial, False) for trial in trials]
+        gaining = [t for t in trials if t.gain > criteria.significant_gain and t.term.name not in names]
+        return [trial for trial in gaining if not trial.term.effect.hypothesis.field]
 
-    def _with_in_stead(self, incumbent: CheckedFit, number: int, entering: Term) -> CheckedFit | None:
-        """The fit with a term in the stead of the one of this ``number``; None where it settles nowhere."""
+    def _with_in_stead(self, incumbent: CheckedFit, number: int, entering: Trial) -> CheckedFit | None:
+        """The fit with a trial's term in the stead of the one of this ``number``; None where it settles nowhere."""
         problem, current = incumbent.problem, incumbent.solved
-        rest = [*current.terms[:number], *current.terms[number + 1 :], entering]
+        rest = [*current.terms[:number], *current.terms[number + 1 :], entering.term]
         begun = problem.solve(rest, current.calibration, leftover=current.leftover)
         proposed = where_it_settles(self.build, problem, begun)
-        return None if proposed is None else refined(self.build, proposed, self.partitions)
+        if proposed is None:
+            return None
+        return self._without_drifts(self._where_readings_remember(refined(self.build, proposed, self.partitions)))
 
     def _apart(self) -> _Search:
         """Another search that begins with this one and leaves it as it is."""
@@ -451,6 +458,12 @@ def _likely(trials: Sequence[Trial], criteria: Criteria) -> list[Trial]:
     """Those that gain at least half of what the best one gains: of less likely ones none takes a field's place."""
     least = criteria.most_share * max((trial.gain for trial in trials), default=0.0)
     return [trial for trial in trials if trial.gain >= least]
+
+
+def _short_of(trial: Trial, trials: Sequence[Trial]) -> Rivals:
+    """The trials of other names, by how much each falls short of this one."""
+    others = [t for t in trials if t.term.name != trial.term.name and t.gain <= (1 + KNOWN) * trial.gain]
+    return tuple(Rival(t.term.effect, trial.gain - t.gain) for t in others)
 
 
 def _as_tried(trial: Trial, kept: bool) -> Tried:

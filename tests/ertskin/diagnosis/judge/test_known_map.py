@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 from ertskin.diagnosis.contract.claims import FieldMap
-from ertskin.diagnosis.judge.known_map import Departure, departing, where_pressed
-from ertskin.diagnosis.judge.map_probability import FOLLOWS, Places
+from ertskin.diagnosis.judge import known_map
+from ertskin.diagnosis.judge.known_map import SmoothPart, determined_points, smooth_part, where_pressed
+from ertskin.diagnosis.judge.map_probability import Places
 from ertskin.diagnosis.judge.quantities import field_map
+from ertskin.diagnosis.judge.undetermined_field import Known
 from ertskin.diagnosis.search.smooth_fields import node_shape
 from ertskin.hardware.virtual.bench.nominal import nominal_sensor
 from ertskin.physics.effects.effect import Effect
@@ -38,8 +41,8 @@ def told(effect: PiezoInhomogeneity, pressed: Array) -> FieldMap:
     assert field is not None
     place_m = SENSOR.taxel_m[pressed]
     value = TAXELS[pressed] @ np.ravel(effect.nodes)
-    departure = Departure(effect.nodes, SENSOR.extent_m, Places(place_m, value, np.full(len(value), 1e-3)))
-    found = departure.told(field).taxels
+    smooth = SmoothPart(effect.nodes, SENSOR.extent_m, Places(place_m, value, np.full(len(value), 1e-3)))
+    found = smooth.known(field).taxels
     assert found is not None
     return found
 
@@ -66,26 +69,57 @@ def test_what_is_broad_is_known_from_few_places() -> None:
 
 
 def test_a_form_of_few_numbers_holds_where_nothing_has_pressed() -> None:
-    value = 0.01 * np.random.default_rng(1).standard_normal(len(SENSOR.taxel_m))
-    spot = PiezoInhomogeneity(amplitude=0.8, x_m=0.04, y_m=0.06, radius_m=0.02, nodes=through(value))
-    found = told(spot, np.arange(len(value)) % 3 == 0)
-    assert found.right is not None
-    assert found.right > 0.99
-    assert np.corrcoef(found.value, spot.logarithm(SENSOR.taxel_m, SENSOR.extent_m))[0, 1] > FOLLOWS
+    nodes = through(0.01 * np.random.default_rng(1).standard_normal(len(SENSOR.taxel_m)))
+    pressed = np.arange(len(SENSOR.taxel_m)) % 3 == 0
+    spot = PiezoInhomogeneity(amplitude=0.8, x_m=0.04, y_m=0.06, radius_m=0.02, nodes=nodes)
+    with_spot, alone = told(spot, pressed).right, told(PiezoInhomogeneity(nodes=nodes), pressed).right
+    assert with_spot is not None
+    assert alone is not None
+    assert with_spot > 0.99
+    assert alone < 0.1
 
 
-def test_two_places_tell_no_map() -> None:
-    found = told(PiezoInhomogeneity(nodes=through(np.linspace(0.0, 0.3, len(SENSOR.taxel_m)))), np.array([3, 7]))
-    assert found.right == 0.0
-    assert found.determined is not None
-    assert not found.determined.any()
+def selection_of(effect: Effect, pressed: Array, monkeypatch: pytest.MonkeyPatch) -> Any:
+    """What a fit with this field has come to, all known to 0.001 as fitted, as far as a map asks for it."""
+    monkeypatch.setattr(known_map, "pressed_places_m", lambda problem: SENSOR.taxel_m[pressed])
+    monkeypatch.setattr(
+        known_map,
+        "known_at",
+        lambda solved, extent_m, point_m: {effect.name: Known(1e-6 * np.eye(len(point_m)), 0.3)},
+    )
+    problem = SimpleNamespace(evidence=SimpleNamespace(sensor=SENSOR))
+    term = SimpleNamespace(name=effect.name, effect=effect, modes="modes")
+    return SimpleNamespace(problem=problem, after=SimpleNamespace(terms=[term]))
+
+
+@pytest.mark.parametrize(
+    ("kind", "everywhere"), [(PiezoInhomogeneity, False), (SheetInhomogeneity, True)], ids=["presses", "rest too"]
+)
+def test_what_presses_alone_show_is_not_as_sure_as_fitted(
+    kind: type[PiezoInhomogeneity | SheetInhomogeneity], everywhere: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    effect = kind(nodes=through(0.3 * np.random.default_rng(1).standard_normal(len(SENSOR.taxel_m))))
+    pressed = np.arange(len(SENSOR.taxel_m)) % 3 == 0
+    selection = selection_of(effect, pressed, monkeypatch)
+    points = len(SENSOR.taxel_m)
+    assert determined_points(selection) == [(effect.name, points if everywhere else int(pressed.sum()), points)]
+    field = field_map(effect, SENSOR)
+    assert field is not None
+    found = known_map.known_map(field, effect, selection).taxels
+    assert found is not None
+    assert found.right == pytest.approx(1.0 if everywhere else 0.05, abs=0.05)
+
+
+def test_of_two_places_a_field_is_as_sure_as_fitted(monkeypatch: pytest.MonkeyPatch) -> None:
+    effect = PiezoInhomogeneity(nodes=through(SENSOR.taxel_m[:, 0]))
+    assert smooth_part(effect, selection_of(effect, np.array([3, 7]), monkeypatch)) is None
 
 
 @pytest.mark.parametrize(
     "effect", [SheetInhomogeneity(nodes=through(SENSOR.taxel_m[:, 0])), PiezoInhomogeneity(amplitude=0.3)]
 )
 def test_what_rest_shows_too_and_a_form_alone_are_known_as_fitted(effect: Effect) -> None:
-    assert departing(effect, SimpleNamespace()) is None  # type: ignore[arg-type]
+    assert smooth_part(effect, SimpleNamespace()) is None  # type: ignore[arg-type]
 
 
 def test_what_is_told_by_places_is_determined_next_to_them_alone() -> None:

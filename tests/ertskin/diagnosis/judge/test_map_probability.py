@@ -12,11 +12,13 @@ from ertskin.diagnosis.judge.map_probability import (
     FOLLOWS,
     Places,
     errors_among,
+    right_among,
     right_as_fitted,
     right_by_places,
     told_by,
 )
 from ertskin.diagnosis.judge.undetermined_field import _inflated
+from ertskin.diagnosis.search.smooth_fields import LENGTHS
 
 FIELD = np.random.default_rng(3).standard_normal(40)
 SIDE_M = 0.12
@@ -103,16 +105,27 @@ def test_probabilities_are_as_often_right_as_they_say() -> None:
     assert np.mean(np.array(right)[np.array(stated) > 0.7]) > 0.7
 
 
-def test_errors_hold_the_field_whatever_its_length() -> None:
-    off, rng = [], np.random.default_rng(5)
-    for length_m in SIDE_M * np.array([0.1, 0.25, 0.5, 1.0]):
-        for field in drawn(length_m, 30, seed=6):
-            known = np.isin(np.arange(36), rng.permutation(36)[:18])
-            places = Places(POINT_M[known], field[known], np.zeros(18))
-            found = field[known][cdist(POINT_M, POINT_M[known]).argmin(axis=1)]
-            error = errors_among(found, told_by(places, POINT_M, SIDE_M))
-            off.append(((found - field) / error)[~known])
-    assert float(np.sqrt(np.mean(np.square(off)))) == pytest.approx(1.0, abs=0.1)
+@pytest.mark.parametrize("count", [4, 9, 18])
+def test_few_places_say_how_much_they_leave_open(count: int) -> None:
+    off, stated, right, rng = [], [], [], np.random.default_rng(5)
+    for length_m in SIDE_M * np.array(LENGTHS):
+        for field in drawn(length_m, 12, seed=6):
+            known = np.isin(np.arange(36), rng.permutation(36)[:count])
+            posteriors = told_by(Places(POINT_M[known], field[known], np.zeros(count)), POINT_M, SIDE_M)
+            weight = np.exp([one.log_weight for one in posteriors])
+            found = np.tensordot(weight / weight.sum(), [one.mean for one in posteriors], 1)
+            off.append(np.abs((found - field) / errors_among(found, posteriors))[~known])
+            stated.append(right_among(found, posteriors))
+            right.append(np.corrcoef(found, field)[0, 1] >= FOLLOWS)
+    assert float(np.mean(np.concatenate(off) < 1.645)) == pytest.approx(0.9, abs=0.04)
+    assert np.mean(np.array(stated, dtype=float)) == pytest.approx(np.mean(right), abs=0.1)
+
+
+def test_places_that_err_tell_no_more_than_they_know() -> None:
+    field, known = drawn(0.1 * SIDE_M, 1)[0], np.arange(36) % 3 == 0
+    error = float(2 * field.std())
+    posteriors = told_by(Places(POINT_M[known], field[known], np.full(12, error)), POINT_M, SIDE_M)
+    assert errors_among(field, posteriors)[known].min() > 0.2 * error
 
 
 def test_of_too_few_points_nothing_is_said() -> None:

@@ -10,7 +10,7 @@ from small_problem import PARTITIONS, START, recorded
 from ertskin.diagnosis.fit.full_solution_check import CheckedFit, checked_fit
 from ertskin.diagnosis.fit.joint_fit import Term
 from ertskin.diagnosis.fit.nonreciprocal import acquires
-from ertskin.diagnosis.search.exchange import HOPELESS, exchanged
+from ertskin.diagnosis.search.exchange import HOPELESS, exchanged, gain_of_exchange
 from ertskin.diagnosis.search.trials import Trial
 from ertskin.physics.effects.channel_gain import ChannelGain
 from ertskin.physics.effects.effect import Effect
@@ -99,3 +99,13 @@ def test_a_field_takes_nobody_s_place() -> None:
     incumbent, trials, fixed = both_ways(hill, replace(STRETCH, stretch_x=1e-4), hill)
     assert trials[0].solved.cost < 0.5 * incumbent.solved.cost
     assert swapped(incumbent, trials, fixed) is None
+
+
+def test_what_no_network_explains_counts_for_both_or_for_neither() -> None:
+    problem = recorded(GAIN)
+    with_it = checked_fit(problem, problem.solve([Term(GAIN, ("gain",))], START, leftover=True))
+    without = checked_fit(problem, problem.solve([], START))
+    assert (with_it.solved.leftover, without.solved.leftover) == (True, False)
+    gain = gain_of_exchange(without, with_it)
+    assert gain > 100.0
+    assert gain_of_exchange(with_it, without) == pytest.approx(-gain, rel=1e-6)

@@ -6,14 +6,19 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import pytest
 
 from ertskin.diagnosis.contract.claims import Tried
 from ertskin.diagnosis.criteria import DEFAULT
 from ertskin.diagnosis.fit.full_solution_check import CheckedFit
+from ertskin.diagnosis.fit.joint_fit import Term
 from ertskin.diagnosis.search import selection
+from ertskin.diagnosis.search.trials import Trial
+from ertskin.physics.effects.self_heating import SelfHeating
+from ertskin.physics.effects.sheet_inhomogeneity import SheetInhomogeneity
+from ertskin.physics.effects.temperature_drift import TemperatureDrift
 
 
 @dataclass(frozen=True)
@@ -22,6 +27,7 @@ class NamedTerm:
 
     name: str
     modes: object | None = None
+    by_place: bool = False
 
 
 FIELD, DRIFT, PAD, LOOP = NamedTerm("field", "modes"), NamedTerm("drift"), NamedTerm("pad"), NamedTerm("loop")
@@ -32,6 +38,7 @@ def fit_of(*terms: NamedTerm, misfit: float = 1.0) -> CheckedFit:
     problem: Any = SimpleNamespace(
         evidence=SimpleNamespace(criteria=DEFAULT),
         solve=lambda terms, calibration, leftover: fit_of(*terms).solved,
+        at_hand=lambda solved: solved,
     )
     return CheckedFit(problem, solved, misfit, 0.0)
 
@@ -107,30 +114,44 @@ def test_a_search_that_comes_to_nothing_changes_nothing(misfit: float, monkeypat
     assert [one.kept for one in search.tried] == [taken]
 
 
+WARM = Term(SelfHeating(crowded_rise=-0.01), ("crowded_rise",))
+DRIFTING = Term(TemperatureDrift(rate_per_h=0.1), ("rate_per_h",))
+UNEVEN = Term(SheetInhomogeneity(amplitude=0.1), ("amplitude",))
+
+
+def trial_of(term: Term, gain: float) -> Trial:
+    return Trial(term, gain, cast(Any, SimpleNamespace(terms=[term])))
+
+
 def with_what_is_hidden(
     incumbent: CheckedFit,
     monkeypatch: pytest.MonkeyPatch,
     then: tuple[NamedTerm, ...] = (FIELD,),
     misfit: float = 1.0,
-    likelier: float | None = 900.0,
-) -> tuple[list[str], list[Tried]]:
-    """The names chosen where a pad gains a little beside a field, and ``then`` follow it; and what was tried."""
+    gain: float = 900.0,
+    specimen_goes: bool = False,
+    beside: tuple[Trial, ...] = (trial_of(WARM, 68.0),),
+    fixed: int = 0,
+) -> tuple[list[str], selection._Search]:
+    """The names chosen where warmth gains a little beside a field, and ``then`` follow it; and the search."""
 
     def grown(search: selection._Search, fit: CheckedFit) -> CheckedFit:
-        search.tried.append(Tried(tuple(term.name for term in (*fit.solved.terms, *then)), 9.0, True))
+        search.disagrees = search.disagrees or specimen_goes
         return replace(fit_of(*fit.solved.terms, *then), misfit=misfit)
 
     monkeypatch.setattr(selection, "where_it_settles", lambda build, problem, solved: fit_of(*solved.terms))
     monkeypatch.setattr(selection, "refined", lambda build, fit, partitions: fit)
-    monkeypatch.setattr(selection, "_likelier", lambda solved, other: likelier)
+    monkeypatch.setattr(selection, "gain_of_exchange", lambda present, proposed: gain)
     monkeypatch.setattr(selection._Search, "one_more", lambda search, without, wanted: None)
-    monkeypatch.setattr(selection._Search, "_beside_fields", lambda search, fit: PAD)
+    monkeypatch.setattr(selection._Search, "_where_readings_remember", lambda search, fit: fit)
+    monkeypatch.setattr(selection._Search, "_without_drifts", lambda search, fit: fit)
+    monkeypatch.setattr(selection._Search, "_screened", lambda search, problem, current: ([], 0.0, list(beside)))
     monkeypatch.setattr(selection._Search, "grown", grown)
     monkeypatch.setattr(selection._Search, "pruned", lambda search, fit: (chosen_of(fit), fit))
-    search = selection._Search(None, [], lambda share, text: None, 0, {})  # type: ignore[arg-type]
+    search = selection._Search(None, [], lambda share, text: None, fixed, {})  # type: ignore[arg-type]
     found, fit = search.fields_reconsidered(chosen_of(incumbent), incumbent)
     assert found == chosen_of(fit)
-    return [term.name for term in fit.solved.terms], search.tried
+    return [term.name for term in fit.solved.terms], search
 
 
 def chosen_of(fit: CheckedFit) -> Any:
@@ -139,24 +160,51 @@ def chosen_of(fit: CheckedFit) -> Any:
 
 @pytest.mark.parametrize("then", [(FIELD,), ()], ids=["and the field", "alone"])
 def test_what_a_field_hides_enters_before_it(then: tuple[NamedTerm, ...], monkeypatch: pytest.MonkeyPatch) -> None:
-    found, tried = with_what_is_hidden(fit_of(FIELD, misfit=1.04), monkeypatch, then=then)
-    assert found == ["pad", *(term.name for term in then)]
-    assert [one.kept for one in tried] == [True]
+    found, search = with_what_is_hidden(fit_of(FIELD, misfit=1.04), monkeypatch, then=then)
+    assert found == ["self_heating", *(term.name for term in then)]
+    assert search.tried[-1] == Tried(tuple(found), 900.0, True)
 
 
 @pytest.mark.parametrize(
     "found",
-    [{"misfit": 1.2}, {"likelier": None}],
-    ids=["worse", "no likelier"],
+    [{"misfit": 1.2}, {"gain": 1.0}, {"specimen_goes": True}],
+    ids=["worse", "no likelier", "without the specimen"],
 )
 def test_a_field_that_hides_nothing_stays(found: dict[str, Any], monkeypatch: pytest.MonkeyPatch) -> None:
-    names, tried = with_what_is_hidden(fit_of(FIELD, misfit=1.04), monkeypatch, **found)
+    names, search = with_what_is_hidden(fit_of(FIELD, misfit=1.04), monkeypatch, **found)
     assert names == ["field"]
-    assert [one.kept for one in tried] == [False]
+    assert not any(one.kept for one in search.tried)
+    assert search.stand == {}
+    assert not search.disagrees
 
 
-@pytest.mark.parametrize("incumbent", [fit_of(FIELD), fit_of(DRIFT, misfit=1.04)], ids=["all explained", "no field"])
-def test_without_a_field_or_misfit_nothing_is_hidden(incumbent: CheckedFit, monkeypatch: pytest.MonkeyPatch) -> None:
-    names, tried = with_what_is_hidden(incumbent, monkeypatch)
+def test_the_best_that_is_no_field_enters_and_the_others_are_its_rivals(monkeypatch: pytest.MonkeyPatch) -> None:
+    beside = (trial_of(UNEVEN, 90.0), trial_of(WARM, 68.0), trial_of(DRIFTING, 66.0))
+    names, search = with_what_is_hidden(fit_of(FIELD, misfit=1.04), monkeypatch, beside=beside)
+    assert names == ["self_heating", "field"]
+    assert [(one.effect.name, one.short) for one in search.stand["self_heating:"]] == [("temperature_drift", 2.0)]
+
+
+@pytest.mark.parametrize("beside", [(), (trial_of(UNEVEN, 90.0),), (trial_of(WARM, 1.0),)])
+def test_fields_and_what_gains_by_chance_are_not_hidden(
+    beside: tuple[Trial, ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert with_what_is_hidden(fit_of(FIELD, misfit=1.04), monkeypatch, beside=beside)[0] == ["field"]
+
+
+def test_a_fixed_term_stays(monkeypatch: pytest.MonkeyPatch) -> None:
+    names, _ = with_what_is_hidden(fit_of(FIELD, LOOP, misfit=1.04), monkeypatch, fixed=1)
+    assert names == ["field", "loop"]
+
+
+@pytest.mark.parametrize(
+    "incumbent",
+    [fit_of(FIELD), fit_of(DRIFT, misfit=1.04), fit_of(replace(FIELD, by_place=True), misfit=1.04)],
+    ids=["all explained", "no field", "told by place"],
+)
+def test_without_a_smooth_field_or_misfit_nothing_is_hidden(
+    incumbent: CheckedFit, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    names, search = with_what_is_hidden(incumbent, monkeypatch)
     assert names == [term.name for term in incumbent.solved.terms]
-    assert tried == []
+    assert search.tried == []
