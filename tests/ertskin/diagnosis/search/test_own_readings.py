@@ -67,7 +67,8 @@ def test_a_specimen_that_differs_in_the_end_has_no_say_in_what_is_named(monkeypa
 def named(measured: Measured | None, remembers_air: bool) -> Any:
     """A term as far as the search asks for it."""
     hypothesis = SimpleNamespace(measured=measured)
-    return SimpleNamespace(name="it", effect=SimpleNamespace(hypothesis=hypothesis, remembers_air=remembers_air))
+    effect = SimpleNamespace(hypothesis=hypothesis, remembers_air=remembers_air)
+    return SimpleNamespace(name="it", effect=effect, modes=None, by_place=False)
 
 
 WANDERS, CREEP, LOOP_ALONE = named(Measured.CONTACT_PATH, False), named(None, True), named(None, False)
