@@ -54,7 +54,7 @@ def exchanged(
         return None
     found = _counting(proposed.problem, proposed.solved, swap.present.leftover)
     criteria = incumbent.problem.evidence.criteria
-    fitted = swap.present.cost + freedom(swap.present) - found.cost - freedom(found)
+    fitted = _likelier(swap.present, found)
     gain = min(fitted, gained(swap.present, found, partitions, criteria))
     return (swap.left, proposed, gain) if gain > criteria.significant_gain else None
 
@@ -82,8 +82,11 @@ def gain_of_exchange(present: CheckedFit, proposed: CheckedFit) -> float:
     """By how much (half chi-square, with what the freedom of fields costs) a proposed fit is likelier than the present
     one, the specimen's readings with it: both count what no network explains, or neither."""
     both = acquires(present.solved.effects) or acquires(proposed.solved.effects)
-    one, other = (_counting(fit.problem, fit.solved, both) for fit in (present, proposed))
-    return one.cost + freedom(one) - other.cost - freedom(other)
+    return _likelier(*(_counting(fit.problem, fit.solved, both) for fit in (present, proposed)))
+
+
+def _likelier(present: Solved, proposed: Solved) -> float:
+    return present.cost + freedom(present) - proposed.cost - freedom(proposed)
 
 
 def _counting(problem: VoltageProblem, solved: Solved, leftover: bool) -> Solved:

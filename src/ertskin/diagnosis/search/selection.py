@@ -15,7 +15,7 @@ from ertskin.diagnosis.fit.cross_validation import log_misfit, numbers_of, refit
 from ertskin.diagnosis.fit.full_solution_check import CheckedFit, checked_fit, exact, settled
 from ertskin.diagnosis.fit.joint_fit import Solved, Term, VoltageProblem
 from ertskin.diagnosis.linear.calibration_vector import WIDEST_RATIO, Calibration
-from ertskin.diagnosis.search.candidates import Candidate, screen
+from ertskin.diagnosis.search.candidates import screen
 from ertskin.diagnosis.search.exchange import exchanged, gain_of_exchange
 from ertskin.diagnosis.search.form_error import form_error
 from ertskin.diagnosis.search.gain import gained
@@ -165,7 +165,7 @@ def _calibrated(build: Problem, fixed: Sequence[Term], start: Calibration) -> Ch
 class _Search:
     """The sets of terms visited so far: ``stand`` keeps each term's rivals, ``tried`` every set fitted, in order.
 
-    The first ``fixed`` terms belong to every set.
+    The first ``fixed`` terms belong to every set. ``unentered``: what the last turn tried, where nothing entered.
     """
 
     build: Problem
@@ -174,6 +174,7 @@ class _Search:
     fixed: int
     stand: dict[str, Rivals]
     tried: list[Tried] = field(default_factory=list)
+    unentered: list[Trial] = field(default_factory=list)
     disagrees: bool = False
 
     def grown(self, incumbent: CheckedFit) -> CheckedFit:
@@ -254,8 +255,12 @@ class _Search:
         """With the likeliest term more; None where none gains enough, or where none of the likely ones is ``wanted``:
         settling and freeing the others is most of the work."""
         problem, current = incumbent.problem, incumbent.problem.at_hand(incumbent.solved)
-        found, left, trials = self._screened(problem, current)
+        found = screen(problem, current, self.partitions)
+        left = form_error(problem, current, self.partitions, current.effects).gain
         least = worth_a_name(problem, current)
+        trials = trials_of(
+            problem, current, found, self.partitions, left, partial(_gone_elsewhere, self.build, problem)
+        )
         if trials and wanted is not None and not any(map(wanted, _likely(trials, problem.evidence.criteria))):
             self.tried += [_as_tried(trial, False) for trial in trials]
             return None
@@ -270,18 +275,12 @@ class _Search:
         if left >= least:
             named = entered is not None and entered[0].term.name not in {t.name for t in current.terms}
             self.tried.append(Tried((*(t.name for t in current.terms), FORM_ERROR), left, not named))
+        self.unentered = trials if entered is None else []
         if entered is None:
             return self._in_anothers_place(incumbent, trials) or self.told_by_place(incumbent)
         trial, proposed = entered
         self.stand[_key(trial.term)] = _short_of(trial, trials)
         return refined(self.build, _reconsidered(self.build, proposed), self.partitions)
-
-    def _screened(self, problem: VoltageProblem, current: Solved) -> tuple[list[Candidate], float, list[Trial]]:
-        """What may be missing from the latest fit, what the instrument's form may err by, and what is fitted of it."""
-        found = screen(problem, current, self.partitions)
-        left = form_error(problem, current, self.partitions, current.effects).gain
-        elsewhere = partial(_gone_elsewhere, self.build, problem)
-        return found, left, trials_of(problem, current, found, self.partitions, left, elsewhere)
 
     def _first_to_enter(self, incumbent: CheckedFit, trials: Sequence[Trial]) -> tuple[Trial, CheckedFit] | None:
         """The first of the trials worth a name that holds where it settles."""
@@ -361,13 +360,10 @@ class _Search:
         return chosen, incumbent
 
     def _beside_fields(self, incumbent: CheckedFit) -> list[Trial]:
-        """What is no field and gains significantly beside those that there are, best first."""
-        current, criteria = incumbent.problem.at_hand(incumbent.solved), incumbent.problem.evidence.criteria
-        names = {term.name for term in current.terms}
-        _, _, trials = self._screened(incumbent.problem, current)
-        self.tried += [_as_tried(trial, False) for trial in trials]
-        gaining = [t for t in trials if t.gain > criteria.significant_gain and t.term.name not in names]
-        return [trial for trial in gaining if not trial.term.effect.hypothesis.field]
+        """What the last turn tried beside the fit's terms that is no field and gains significantly, best first."""
+        names, least = {t.name for t in incumbent.solved.terms}, incumbent.problem.evidence.criteria.significant_gain
+        new = [t for t in self.unentered if t.term.name not in names and not t.term.effect.hypothesis.field]
+        return [t for t in new if t.gain > least]
 
     def _with_in_stead(self, incumbent: CheckedFit, number: int, entering: Trial) -> CheckedFit | None:
         """The fit with a trial's term in the stead of the one of this ``number``; None where it settles nowhere."""

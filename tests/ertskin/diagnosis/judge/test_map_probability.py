@@ -123,9 +123,9 @@ def test_few_places_say_how_much_they_leave_open(count: int) -> None:
 
 def test_places_that_err_tell_no_more_than_they_know() -> None:
     field, known = drawn(0.1 * SIDE_M, 1)[0], np.arange(36) % 3 == 0
-    error = float(2 * field.std())
-    posteriors = told_by(Places(POINT_M[known], field[known], np.full(12, error)), POINT_M, SIDE_M)
-    assert errors_among(field, posteriors)[known].min() > 0.2 * error
+    # What was read by chance says how far the field spreads: less and less, the more it errs by.
+    posteriors = told_by(Places(POINT_M[known], field[known], np.full(12, 10 * field.std())), POINT_M, SIDE_M)
+    assert errors_among(field, posteriors)[known].min() > 1.5 * field.std()
 
 
 def test_of_too_few_points_nothing_is_said() -> None:

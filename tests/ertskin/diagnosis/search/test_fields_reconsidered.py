@@ -38,7 +38,6 @@ def fit_of(*terms: NamedTerm, misfit: float = 1.0) -> CheckedFit:
     problem: Any = SimpleNamespace(
         evidence=SimpleNamespace(criteria=DEFAULT),
         solve=lambda terms, calibration, leftover: fit_of(*terms).solved,
-        at_hand=lambda solved: solved,
     )
     return CheckedFit(problem, solved, misfit, 0.0)
 
@@ -145,10 +144,9 @@ def with_what_is_hidden(
     monkeypatch.setattr(selection._Search, "one_more", lambda search, without, wanted: None)
     monkeypatch.setattr(selection._Search, "_where_readings_remember", lambda search, fit: fit)
     monkeypatch.setattr(selection._Search, "_without_drifts", lambda search, fit: fit)
-    monkeypatch.setattr(selection._Search, "_screened", lambda search, problem, current: ([], 0.0, list(beside)))
     monkeypatch.setattr(selection._Search, "grown", grown)
     monkeypatch.setattr(selection._Search, "pruned", lambda search, fit: (chosen_of(fit), fit))
-    search = selection._Search(None, [], lambda share, text: None, fixed, {})  # type: ignore[arg-type]
+    search = selection._Search(None, [], lambda share, text: None, fixed, {}, unentered=list(beside))  # type: ignore[arg-type]
     found, fit = search.fields_reconsidered(chosen_of(incumbent), incumbent)
     assert found == chosen_of(fit)
     return [term.name for term in fit.solved.terms], search
@@ -208,3 +206,26 @@ def test_without_a_smooth_field_or_misfit_nothing_is_hidden(
     names, search = with_what_is_hidden(incumbent, monkeypatch)
     assert names == [term.name for term in incumbent.solved.terms]
     assert search.tried == []
+
+
+@pytest.mark.parametrize("enters", [True, False])
+def test_a_turn_in_which_nothing_enters_keeps_what_it_tried(enters: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    tried, gain = [trial_of(WARM, 68.0)], SimpleNamespace(gain=0.0)
+    incumbent = fit_of(FIELD, misfit=1.04)
+    stub: Any = incumbent
+    stub.solved.effects, stub.problem.at_hand = (), lambda current: current
+    monkeypatch.setattr(selection, "screen", lambda problem, current, partitions: [])
+    monkeypatch.setattr(selection, "form_error", lambda problem, current, partitions, effects: gain)
+    monkeypatch.setattr(selection, "worth_a_name", lambda problem, current: 1000.0)
+    monkeypatch.setattr(selection, "trials_of", lambda problem, current, found, partitions, left, settle: tried)
+    monkeypatch.setattr(selection, "unforeseen", lambda problem, current, found, partitions: [])
+    monkeypatch.setattr(selection, "_of_few_numbers", lambda build, fit, entered, trials, partitions: entered)
+    monkeypatch.setattr(selection, "_reconsidered", lambda build, fit: fit)
+    monkeypatch.setattr(selection, "refined", lambda build, fit, partitions: fit)
+    entered = (tried[0], fit_of(FIELD, PAD)) if enters else None
+    monkeypatch.setattr(selection._Search, "_first_to_enter", lambda search, fit, trials: entered)
+    monkeypatch.setattr(selection._Search, "_in_anothers_place", lambda search, fit, trials: None)
+    monkeypatch.setattr(selection._Search, "told_by_place", lambda search, fit: None)
+    search = selection._Search(None, [], lambda share, text: None, 0, {}, unentered=[trial_of(DRIFTING, 9.0)])  # type: ignore[arg-type]
+    assert (search.one_more(incumbent) is None) is not enters
+    assert search.unentered == ([] if enters else tried)
