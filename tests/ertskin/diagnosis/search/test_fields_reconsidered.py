@@ -131,6 +131,7 @@ def with_what_is_hidden(
     specimen_goes: bool = False,
     beside: tuple[Trial, ...] = (trial_of(WARM, 68.0),),
     fixed: int = 0,
+    promises: bool = True,
 ) -> tuple[list[str], selection._Search]:
     """The names chosen where warmth gains a little beside a field, and ``then`` follow it; and the search."""
 
@@ -141,6 +142,7 @@ def with_what_is_hidden(
     monkeypatch.setattr(selection, "where_it_settles", lambda build, problem, solved: fit_of(*solved.terms))
     monkeypatch.setattr(selection, "refined", lambda build, fit, partitions: fit)
     monkeypatch.setattr(selection, "gain_of_exchange", lambda present, proposed: gain)
+    monkeypatch.setattr(selection, "_promises", lambda incumbent, proposed, field, partitions: promises)
     monkeypatch.setattr(selection._Search, "one_more", lambda search, without, wanted: None)
     monkeypatch.setattr(selection._Search, "_where_readings_remember", lambda search, fit: fit)
     monkeypatch.setattr(selection._Search, "_without_drifts", lambda search, fit: fit)
@@ -165,8 +167,8 @@ def test_what_a_field_hides_enters_before_it(then: tuple[NamedTerm, ...], monkey
 
 @pytest.mark.parametrize(
     "found",
-    [{"misfit": 1.2}, {"gain": 1.0}, {"specimen_goes": True}],
-    ids=["worse", "no likelier", "without the specimen"],
+    [{"misfit": 1.2}, {"gain": 1.0}, {"specimen_goes": True}, {"promises": False}],
+    ids=["worse", "no likelier", "without the specimen", "promises nothing"],
 )
 def test_a_field_that_hides_nothing_stays(found: dict[str, Any], monkeypatch: pytest.MonkeyPatch) -> None:
     names, search = with_what_is_hidden(fit_of(FIELD, misfit=1.04), monkeypatch, **found)
@@ -229,3 +231,20 @@ def test_a_turn_in_which_nothing_enters_keeps_what_it_tried(enters: bool, monkey
     search = selection._Search(None, [], lambda share, text: None, 0, {}, unentered=[trial_of(DRIFTING, 9.0)])  # type: ignore[arg-type]
     assert (search.one_more(incumbent) is None) is not enters
     assert search.unentered == ([] if enters else tried)
+
+
+@pytest.mark.parametrize(
+    ("alone", "with_field", "promises"), [(900.0, None, True), (-9e4, 900.0, True), (-9e4, 1.0, False)]
+)
+def test_a_fit_promises_what_it_gains_alone_or_beside_the_field(
+    alone: float, with_field: float | None, promises: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    incumbent, proposed = fit_of(FIELD, misfit=1.04), fit_of(PAD)
+    both = None if with_field is None else fit_of(PAD, FIELD).solved
+    solved: Any = proposed.problem
+    solved.solve = lambda terms, calibration, steps: fit_of(*terms).solved
+    monkeypatch.setattr(selection, "with_smooth_field", lambda problem, begun, number, partitions: both)
+    monkeypatch.setattr(
+        selection, "gain_of_exchange", lambda present, fit: alone if fit is proposed else cast(float, with_field)
+    )
+    assert selection._promises(incumbent, proposed, UNEVEN, []) is promises
