@@ -166,13 +166,14 @@ class Solved:
         """Which of the fit's numbers is a term's first."""
         return len(self.fit.value) - sum(t.count for t in self.terms[term:])
 
-    def rise_without(self, term: int) -> float:
+    def rise_without(self, term: int, *, others_stay: bool = False) -> float:
         """Half chi-square and prior that are lost without a term, by the local model: its defining numbers neutral, its
-        others and a field's sizes kept."""
+        others and a field's sizes kept. ``others_stay``: only the calibration makes up for it, no other term does."""
         region = self.fit.region or Region(*np.full((2, len(self.fit.value)), [[-np.inf], [np.inf]]))
         low, high = region.low.copy(), region.high.copy()
         first, kept = self.first(term), self.terms[term]
-        low[first : first + kept.count] = high[first : first + kept.count] = self.fit.value[first : first + kept.count]
+        held = slice(self.first(0), None) if others_stay else slice(first, first + kept.count)
+        low[held] = high[held] = self.fit.value[held]
         for number, key in enumerate(kept.free, first):
             if kept.effect.known(key).defining:
                 low[number] = high[number] = kept.effect.known(key).neutral

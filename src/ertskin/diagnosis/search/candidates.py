@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import cast
 
 import numpy as np
@@ -63,16 +64,15 @@ def _through_scans(problem: VoltageProblem, solved: Solved, partitions: Sequence
     base = problem.scan_residual(fitted_skin)
     specimen = problem.specimen.residual(fitted_skin) if problem.specimen is not None else np.zeros(0)
     found = []
-    for probes, finish in _trials(problem, present):
-        columns, specimen_columns, sizes = [], [], []
-        for probe, size in probes:
-            skin = problem.family.skin(solved.calibration, (*solved.effects, probe))
-            columns.append((base - problem.scan_residual(skin)) / size)
-            if problem.specimen is not None:
-                specimen_columns.append((specimen - problem.specimen.residual(skin)) / size)
-            sizes.append(size)
-        extra = np.stack(specimen_columns, axis=-1) if specimen_columns else np.zeros((0, len(columns)))
-        gain, value = added_gain(problem, solved, np.stack(columns, axis=-1), base, specimen, extra, partitions)
+    kinds = [kind for kind in effects_shown_by(Signal.READINGS) if kind.name not in present and not _moves_pads(kind)]
+    for start in _starts(problem, kinds):
+        probes, finish = _trial(start)
+        columns = _columns(problem, solved, base, probes)
+        extra = np.zeros((0, len(probes)))
+        if problem.specimen is not None:
+            skins = [(problem.family.skin(solved.calibration, (*solved.effects, one)), size) for one, size in probes]
+            extra = np.stack([(specimen - problem.specimen.residual(skin)) / size for skin, size in skins], axis=-1)
+        gain, value = added_gain(problem, solved, columns, base, specimen, extra, partitions)
         if np.isfinite(gain) and np.isfinite(value).all():
             found.append(Candidate(finish(value), gain))
     return found
@@ -81,19 +81,29 @@ def _through_scans(problem: VoltageProblem, solved: Solved, partitions: Sequence
 Probes = list[tuple[Effect, float]]
 
 
-def _trials(problem: VoltageProblem, present: set[str]) -> list[tuple[Probes, Callable[[Array], Term]]]:
-    """Probes whose columns go into the screening together, and the term their best values start."""
-    kinds = [kind for kind in effects_shown_by(Signal.READINGS) if kind.name not in present]
+def _columns(problem: VoltageProblem, solved: Solved, base: Array, probes: Probes) -> Array:
+    """(T,P,c) what probes beside the fit's effects change of its scans, ``base`` (T,P) their residual without."""
+    skins = [(problem.family.skin(solved.calibration, (*solved.effects, probe)), size) for probe, size in probes]
+    return np.stack([(base - problem.scan_residual(skin)) / size for skin, size in skins], axis=-1)
+
+
+def _starts(problem: VoltageProblem, kinds: Sequence[type[Effect]]) -> list[Start]:
+    """Starts of few numbers that the scans show."""
     return [
-        _trial(start)
+        start
         for kind in kinds
-        if not (issubclass(kind, ElectrodeEffect) and kind.displaces()) and not kind.hypothesis.field
+        if not kind.hypothesis.field
         for start in kind.reading_starts(problem.evidence.sensor, problem.evidence.protocol)
         if start.reciprocal or not shown_by(kind, Signal.NONRECIPROCAL)
     ]
 
 
+def _moves_pads(kind: type[Effect]) -> bool:
+    return issubclass(kind, ElectrodeEffect) and kind.displaces()
+
+
 def _trial(start: Start) -> tuple[Probes, Callable[[Array], Term]]:
+    """Probes whose columns go into the screening together, and the term their best values start."""
     known = start.effect.parameters()
     if not start.along:
         # It can't be negative: the probe is the whole effect, its value the share of it.
@@ -158,24 +168,53 @@ def _gain_along(shape: Array, gradient: Array, hessian: Array) -> float:
 
 def _electrodes(problem: VoltageProblem, solved: Solved, partitions: Sequence[Sequence[int]]) -> list[Candidate]:
     """Displaced electrodes, from the shape derivatives the states hold."""
-    sensor, protocol = problem.evidence.sensor, problem.evidence.protocol
-    pads = measured_as(Measured.PAD_SHIFT)
-    present = {number_of(t.effect) for t in solved.terms if t.name == pads.name}
     base = solved.scan_residual
     specimen = np.zeros(0)
     found = []
-    for start in pads.reading_starts(sensor, protocol):
-        if number_of(start.effect) in present:
-            continue
+    for start in _pads(problem, solved):
         columns = displacement_columns(problem, start)
         extra = np.zeros((0, len(start.along)))
         gain, value = added_gain(problem, solved, columns, base, specimen, extra, partitions)
-        if not (np.isfinite(gain) and np.isfinite(value).all()):
-            continue
-        shift = np.clip(value, -FARTHEST_M, FARTHEST_M)
-        effect = start.effect.changed(dict(zip(start.along, shift.tolist(), strict=True)))
-        found.append(Candidate(Term(effect, start.free), gain))
+        if np.isfinite(gain) and np.isfinite(value).all():
+            found.append(Candidate(_displaced(start, value), gain))
     return found
+
+
+def _pads(problem: VoltageProblem, solved: Solved) -> list[Start]:
+    """Starts of the pads out of place that the fit doesn't hold yet."""
+    pads = measured_as(Measured.PAD_SHIFT)
+    present = {number_of(t.effect) for t in solved.terms if t.name == pads.name}
+    starts = pads.reading_starts(problem.evidence.sensor, problem.evidence.protocol)
+    return [start for start in starts if number_of(start.effect) not in present]
+
+
+def _displaced(start: Start, shift_m: Array) -> Term:
+    shift = np.clip(shift_m, -FARTHEST_M, FARTHEST_M)
+    return Term(start.effect.changed(dict(zip(start.along, shift.tolist(), strict=True))), start.free)
+
+
+@dataclass(frozen=True, eq=False)
+class Direction:
+    """What a start's numbers change of the scans to first order, ``columns`` (T,P,c) in units of the noise, and the
+    term ``begun`` at values (c,) of them; ``positive``: the number is a share of the start, none below nought."""
+
+    columns: Array
+    begun: Callable[[Array], Term]
+    positive: bool = False
+
+
+def like_a_field(problem: VoltageProblem, solved: Solved, field: Term) -> Iterator[Direction]:
+    """Terms of few numbers, not in the fit yet, that depend on what the ``field`` depends on, a place or a time."""
+    kin, present = field.effect.hypothesis.kin, {t.name for t in solved.terms}
+    alike = [kind for kind in effects_shown_by(Signal.READINGS) if kind.hypothesis.kin & kin]
+    if any(map(_moves_pads, alike)):
+        for start in _pads(problem, solved):
+            yield Direction(displacement_columns(problem, start), partial(_displaced, start))
+    others = [kind for kind in alike if kind.name not in present and not _moves_pads(kind)]
+    for start in _starts(problem, others):
+        probes, finish = _trial(start)
+        columns = _columns(problem, solved, solved.scan_residual, probes)
+        yield Direction(columns, finish, positive=not start.along)
 
 
 def displacement_columns(problem: VoltageProblem, start: Start) -> Array:

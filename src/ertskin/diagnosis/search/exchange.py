@@ -9,6 +9,7 @@ from functools import cache, partial
 from ertskin.diagnosis.fit.full_solution_check import CheckedFit, Problem
 from ertskin.diagnosis.fit.joint_fit import Solved, Term, VoltageProblem
 from ertskin.diagnosis.fit.nonreciprocal import acquires
+from ertskin.diagnosis.search.behind_fields import spare_evidence
 from ertskin.diagnosis.search.gain import freedom, gained
 from ertskin.diagnosis.search.settling import refined, where_it_settles
 from ertskin.diagnosis.search.trials import Trial
@@ -80,9 +81,12 @@ def _swaps(incumbent: CheckedFit, trials: Sequence[Trial], fixed: int) -> Iterat
 
 def gain_of_exchange(present: CheckedFit, proposed: CheckedFit) -> float:
     """By how much (half chi-square, with what the freedom of fields costs) a proposed fit is likelier than the present
-    one, the specimen's readings with it: both count what no network explains, or neither."""
+    one, the specimen's readings with it: both count what no network explains, or neither, and smooth fields have the
+    likeliest covariance."""
     both = acquires(present.solved.effects) or acquires(proposed.solved.effects)
-    return _likelier(*(_counting(fit.problem, fit.solved, both) for fit in (present, proposed)))
+    found = [_counting(fit.problem, fit.solved, both) for fit in (present, proposed)]
+    spare = [spare_evidence(fit.problem, one) for fit, one in zip((present, proposed), found, strict=True)]
+    return _likelier(*found) + spare[1] - spare[0]
 
 
 def _likelier(present: Solved, proposed: Solved) -> float:

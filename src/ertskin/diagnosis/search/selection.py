@@ -15,7 +15,8 @@ from ertskin.diagnosis.fit.cross_validation import log_misfit, numbers_of, refit
 from ertskin.diagnosis.fit.full_solution_check import CheckedFit, checked_fit, exact, settled
 from ertskin.diagnosis.fit.joint_fit import Solved, Term, VoltageProblem
 from ertskin.diagnosis.linear.calibration_vector import WIDEST_RATIO, Calibration
-from ertskin.diagnosis.search.candidates import screen
+from ertskin.diagnosis.search.behind_fields import behind_field, loss_beside_fields, smooth_fields_of
+from ertskin.diagnosis.search.candidates import Candidate, screen
 from ertskin.diagnosis.search.exchange import exchanged, gain_of_exchange
 from ertskin.diagnosis.search.form_error import form_error
 from ertskin.diagnosis.search.gain import gained
@@ -165,7 +166,7 @@ def _calibrated(build: Problem, fixed: Sequence[Term], start: Calibration) -> Ch
 class _Search:
     """The sets of terms visited so far: ``stand`` keeps each term's rivals, ``tried`` every set fitted, in order.
 
-    The first ``fixed`` terms belong to every set. ``unentered``: what the last turn tried, where nothing entered.
+    The first ``fixed`` terms belong to every set.
     """
 
     build: Problem
@@ -174,7 +175,6 @@ class _Search:
     fixed: int
     stand: dict[str, Rivals]
     tried: list[Tried] = field(default_factory=list)
-    unentered: list[Trial] = field(default_factory=list)
     disagrees: bool = False
 
     def grown(self, incumbent: CheckedFit) -> CheckedFit:
@@ -275,7 +275,6 @@ class _Search:
         if left >= least:
             named = entered is not None and entered[0].term.name not in {t.name for t in current.terms}
             self.tried.append(Tried((*(t.name for t in current.terms), FORM_ERROR), left, not named))
-        self.unentered = trials if entered is None else []
         if entered is None:
             return self._in_anothers_place(incumbent, trials) or self.told_by_place(incumbent)
         trial, proposed = entered
@@ -333,42 +332,34 @@ class _Search:
     def _with_what_fields_hide(
         self, chosen: tuple[Chosen, ...], incumbent: CheckedFit
     ) -> tuple[tuple[Chosen, ...], CheckedFit]:
-        """With what gains beside a smooth field entered before it, or in its stead, where all that follows is likelier.
+        """With what a smooth field stands in for entered before it, or in its stead, where all that follows is
+        likelier.
 
         A field of a hundred modes takes up most of what an even effect does: anisotropy was worth 68 in half chi-square
         beside one and 924 before it (c012 of `nineteenth96`).
         """
-        terms = list(enumerate(incumbent.solved.terms))[self.fixed :]
-        smooth = [number for number, term in terms if term.modes is not None and not term.by_place]
-        if not smooth or incumbent.misfit <= incumbent.problem.evidence.criteria.chance_ratio:
-            return chosen, incumbent
-        hidden = self._beside_fields(incumbent)
-        for number in smooth if hidden else ():
-            other = self._apart()
-            proposed = other._with_in_stead(incumbent, number, hidden[0])
-            if proposed is None or not _promises(incumbent, proposed, incumbent.solved.terms[number], self.partitions):
+        least = incumbent.problem.evidence.criteria.significant_gain
+        for number in smooth_fields_of(incumbent.solved, self.fixed):
+            hidden = [one for one in behind_field(incumbent.problem, incumbent.solved, number) if one.gain > least]
+            other, field_term = self._apart(), incumbent.solved.terms[number]
+            proposed = other._with_in_stead(incumbent, number, hidden[0].term) if hidden else None
+            if proposed is None or not _promises(incumbent, proposed, field_term, self.partitions):
                 continue
-            other.stand[_key(hidden[0].term)] = _short_of(hidden[0], hidden)
+            field_itself = Rival(field_term.effect, hidden[0].gain)
+            other.stand[_key(hidden[0].term)] = (*_short_of(hidden[0], hidden), field_itself)
             others, reached = other.pruned(other.grown(proposed))
             gain = gain_of_exchange(incumbent, reached)
-            taken = gain > incumbent.problem.evidence.criteria.significant_gain and not reached.spoils(incumbent)
             other.tried.append(Tried(tuple(term.name for term in reached.solved.terms), gain, True))
-            if taken and other.disagrees == self.disagrees:
+            if gain > least and not reached.spoils(incumbent) and other.disagrees == self.disagrees:
                 self._go_on_as(other)
                 return others, reached
             self._came_to_nothing(other)
         return chosen, incumbent
 
-    def _beside_fields(self, incumbent: CheckedFit) -> list[Trial]:
-        """What the last turn tried beside the fit's terms that is no field and gains significantly, best first."""
-        names, least = {t.name for t in incumbent.solved.terms}, incumbent.problem.evidence.criteria.significant_gain
-        new = [t for t in self.unentered if t.term.name not in names and not t.term.effect.hypothesis.field]
-        return [t for t in new if t.gain > least]
-
-    def _with_in_stead(self, incumbent: CheckedFit, number: int, entering: Trial) -> CheckedFit | None:
-        """The fit with a trial's term in the stead of the one of this ``number``; None where it settles nowhere."""
+    def _with_in_stead(self, incumbent: CheckedFit, number: int, entering: Term) -> CheckedFit | None:
+        """The fit with a term in the stead of the one of this ``number``; None where it settles nowhere."""
         problem, current = incumbent.problem, incumbent.solved
-        rest = [*current.terms[:number], *current.terms[number + 1 :], entering.term]
+        rest = [*current.terms[:number], *current.terms[number + 1 :], entering]
         begun = problem.solve(rest, current.calibration, leftover=current.leftover)
         proposed = where_it_settles(self.build, problem, begun)
         if proposed is None:
@@ -456,8 +447,8 @@ def _likely(trials: Sequence[Trial], criteria: Criteria) -> list[Trial]:
     return [trial for trial in trials if trial.gain >= least]
 
 
-def _short_of(trial: Trial, trials: Sequence[Trial]) -> Rivals:
-    """The trials of other names, by how much each falls short of this one."""
+def _short_of(trial: Trial | Candidate, trials: Sequence[Trial] | Sequence[Candidate]) -> Rivals:
+    """The trials, or candidates, of other names, by how much each falls short of this one."""
     others = [t for t in trials if t.term.name != trial.term.name and t.gain <= (1 + KNOWN) * trial.gain]
     return tuple(Rival(t.term.effect, trial.gain - t.gain) for t in others)
 
@@ -663,14 +654,14 @@ def _likelier_than_field(
 def _promises(incumbent: CheckedFit, proposed: CheckedFit, field: Term, partitions: Sequence[Sequence[int]]) -> bool:
     """Whether a proposed fit is likelier than the incumbent, as it is or with a smooth field of this kind beside it.
 
-    What would follow takes several times as long to find: a search more on 36 presses.
+    What would follow takes several times as long to find: a search more on 36 presses. How much likelier is asked of
+    what it comes to: a fit whose field isn't settled yet doesn't tell.
     """
     problem, solved = proposed.problem, proposed.solved
     begun = problem.solve([*solved.terms, Term(type(field.effect)(), ())], solved.calibration, steps=0)
     both = with_smooth_field(problem, begun, len(solved.terms), partitions)
     fits = [proposed] if both is None else [proposed, replace(proposed, solved=both)]
-    least = problem.evidence.criteria.significant_gain
-    return any(gain_of_exchange(incumbent, fit) > least for fit in fits)
+    return any(gain_of_exchange(incumbent, fit) > 0 for fit in fits)
 
 
 def _gone_elsewhere(build: Problem, problem: VoltageProblem, solved: Solved) -> CheckedFit | None:
@@ -703,6 +694,8 @@ def _backward(
             without = problem.solve(rest, current.calibration, steps=5, leftover=instrument)
             loss = gained(without, current, partitions, problem.evidence.criteria)
             term = current.terms[k]
+            if not is_worth_a_name(problem, current, term, loss):
+                loss = max(loss, loss_beside_fields(problem, current, without, k))
             if not is_worth_a_name(problem, current, term, loss) and (dropped is None or loss < dropped[0]):
                 dropped = (loss, without)
             # The instrument's terms gain in every reading, the others in the pairs.

@@ -69,7 +69,8 @@ def node_shape(extent_m: Array) -> tuple[int, int]:
 class NodeQuadratic:
     """A fit's quadratic with the values of a field at M nodes behind its other numbers: half chi-square ``cost`` (F,),
     gradient (F,n+M) and Hessian (F,n+M,n+M) by cell of so many ``numbers`` (F,); ``prior`` (n,) of the other numbers,
-    ``value`` (n,) theirs from its mean. The field counts from nought."""
+    ``value`` (n,) theirs from its mean. The field counts from nought. Numbers added to the fit come before the field's
+    and are counted with them."""
 
     cost: Array
     numbers: Array
@@ -79,23 +80,33 @@ class NodeQuadratic:
     value: Array
 
     @classmethod
-    def of(cls, problem: VoltageProblem, current: Solved, effects: Sequence[Effect], number: int) -> NodeQuadratic:
-        """About a fit, by the field of the effect ``number`` of ``effects``; the fit's own modes of it are left out."""
+    def of(
+        cls,
+        problem: VoltageProblem,
+        current: Solved,
+        effects: Sequence[Effect],
+        number: int,
+        added: NDArray[np.float32] | None = None,
+    ) -> NodeQuadratic:
+        """About a fit, by the field of the effect ``number`` of ``effects``; the fit's own modes of it are left out.
+        ``added`` (T,P,c): what numbers added to the fit change of its scans, in units of the noise."""
         extent_m = problem.evidence.sensor.extent_m
         shape = node_shape(extent_m)
         others = _others(current, number)
         count, nodes = int(others.sum()), shape[0] * shape[1]
+        behind = nodes + (0 if added is None else added.shape[-1])
         quadratic = current.fit.quadratic
-        gradient = np.zeros((len(quadratic.cost), count + nodes))
-        hessian = np.zeros((len(quadratic.cost), count + nodes, count + nodes))
+        gradient = np.zeros((len(quadratic.cost), count + behind))
+        hessian = np.zeros((len(quadratic.cost), count + behind, count + behind))
         gradient[:, :count] = quadratic.gradient[:, others]
         hessian[:, :count, :count] = quadratic.hessian[:, others][:, :, others]
         known = problem.last_columns[0][..., others]
         skin = problem.family.skin(current.calibration, tuple(effects))
-        for rows, columns in problem.field_columns(skin, number, partial(field_design, shape, extent_m=extent_m)):
+        for rows, by_node in problem.field_columns(skin, number, partial(field_design, shape, extent_m=extent_m)):
+            columns = by_node if added is None else np.concatenate([added[rows], by_node], axis=-1)
             for cell in np.unique(problem.cells[rows]):
                 mine = problem.cells[rows] == cell
-                new = columns[mine].reshape(-1, nodes).astype(float)
+                new = columns[mine].reshape(-1, behind).astype(float)
                 old = known[rows[mine]].reshape(-1, count).astype(float)
                 gradient[cell, count:] += new.T @ current.scan_residual[rows[mine]].ravel()
                 hessian[cell, count:, count:] += new.T @ new
@@ -103,8 +114,8 @@ class NodeQuadratic:
         hessian[:, count:, :count] = hessian[:, :count, count:].transpose(0, 2, 1)
         cost = quadratic.cost.copy()
         if (field := np.ravel(getattr(effects[number], "nodes", ()))).size:
-            from_nought = hessian[:, :, count:] @ field
-            cost += (gradient + 0.5 * from_nought)[:, count:] @ field
+            from_nought = hessian[:, :, -nodes:] @ field
+            cost += (gradient + 0.5 * from_nought)[:, -nodes:] @ field
             gradient += from_nought
         prior, value = current.fit.prior.diagonal()[others], current.fit.from_prior[others]
         numbers = np.append(numbers_of(problem, [[k] for k in range(problem.cell_count)]), 0.0)
@@ -199,12 +210,17 @@ def _covariances(shape: tuple[int, int], box: tuple[float, ...]) -> list[Array]:
 def covariance_half(extent_m: Array, length: float) -> tuple[int, Array]:
     """The even covariance with this one of ``LENGTHS``: its number, and its half (M,J)."""
     number = LENGTHS.index(length)
-    return number, _covariances(node_shape(extent_m), tuple(map(float, extent_m.ravel())))[number]
+    return number, covariances(extent_m)[number]
 
 
 def _kinds() -> Iterator[tuple[tuple[float, float], float]]:
     yield from (((length, length), 0.0) for length in LENGTHS)
     yield from (((across, ALONG), np.pi / ANGLES * k) for across in ACROSS for k in range(ANGLES))
+
+
+def covariances(extent_m: Array) -> list[Array]:
+    """Halves (M,J) of the covariances tried on a sheet of this box (2,2), of unit variance."""
+    return _covariances(node_shape(extent_m), tuple(map(float, extent_m.ravel())))
 
 
 def _half(shape: tuple[int, int], extent_m: Array, length_m: Array, angle: float) -> Array:
@@ -242,7 +258,7 @@ def foretelling(quadratic: NodeQuadratic, extent_m: Array, partitions: Sequence[
     """The process with which cells held out are likeliest, to first order."""
     gradient, hessian = quadratic.reduced()
     folds = [quadratic.fold(out) for out in partitions]
-    halves = _covariances(node_shape(extent_m), tuple(map(float, extent_m.ravel())))
+    halves = covariances(extent_m)
     costs, numbers = (np.array([getattr(fold, name) for fold in folds]) for name in ("out_cost", "out_numbers"))
     without, found = log_misfit(costs, numbers), []
     for number in _likely(halves, gradient, hessian):
@@ -260,12 +276,12 @@ def node_covariance(modes: Modes, known: Array, extent_m: Array) -> Array:
 
     What of the process isn't in the modes is as unknown as beforehand.
     """
-    half = _covariances(node_shape(extent_m), tuple(map(float, extent_m.ravel())))[modes.covariance]
+    half = covariances(extent_m)[modes.covariance]
     flat = modes.nodes.reshape(len(modes.nodes), -1)
     return np.asarray(modes.spread**2 * half @ half.T + flat.T @ (known - np.eye(len(known))) @ flat)
 
 
-def _evidences(half: Array, gradient: Array, hessian: Array) -> Array:
+def evidences(half: Array, gradient: Array, hessian: Array) -> Array:
     """(S,) logarithm of the evidence for a covariance (M,J) of each of the ``SPREADS``, over that without a field."""
     size, vector = np.linalg.eigh(half.T @ hessian @ half)
     along = (vector.T @ (half.T @ gradient)) ** 2
@@ -287,7 +303,7 @@ def _informed_modes(half: Array, spread: float, gradient: Array, hessian: Array)
 def _likely(halves: Sequence[Array], gradient: Array, hessian: Array) -> list[int]:
     """Which covariances to try: all even ones, and of those along lines the ``LINES`` of the largest evidence."""
     first = len(LENGTHS)
-    evidence = [float(_evidences(half, gradient, hessian).max()) for half in halves[first:]]
+    evidence = [float(evidences(half, gradient, hessian).max()) for half in halves[first:]]
     return [*range(first), *(first + int(k) for k in np.argsort(evidence)[::-1][:LINES])]
 
 

@@ -15,10 +15,20 @@ from ertskin.diagnosis.criteria import DEFAULT
 from ertskin.diagnosis.fit.full_solution_check import CheckedFit
 from ertskin.diagnosis.fit.joint_fit import Term
 from ertskin.diagnosis.search import selection
-from ertskin.diagnosis.search.trials import Trial
+from ertskin.diagnosis.search.candidates import Candidate
+from ertskin.physics.effects.effect import Effect
 from ertskin.physics.effects.self_heating import SelfHeating
 from ertskin.physics.effects.sheet_inhomogeneity import SheetInhomogeneity
 from ertskin.physics.effects.temperature_drift import TemperatureDrift
+
+
+@pytest.fixture(autouse=True)
+def nothing_behind(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Unless a test says otherwise fields stand in for nothing."""
+    monkeypatch.setattr(selection, "behind_field", lambda problem, solved, number: [])
+
+
+UNEVEN = SheetInhomogeneity(amplitude=0.1)
 
 
 @dataclass(frozen=True)
@@ -28,6 +38,7 @@ class NamedTerm:
     name: str
     modes: object | None = None
     by_place: bool = False
+    effect: Effect = UNEVEN
 
 
 FIELD, DRIFT, PAD, LOOP = NamedTerm("field", "modes"), NamedTerm("drift"), NamedTerm("pad"), NamedTerm("loop")
@@ -115,11 +126,6 @@ def test_a_search_that_comes_to_nothing_changes_nothing(misfit: float, monkeypat
 
 WARM = Term(SelfHeating(crowded_rise=-0.01), ("crowded_rise",))
 DRIFTING = Term(TemperatureDrift(rate_per_h=0.1), ("rate_per_h",))
-UNEVEN = Term(SheetInhomogeneity(amplitude=0.1), ("amplitude",))
-
-
-def trial_of(term: Term, gain: float) -> Trial:
-    return Trial(term, gain, cast(Any, SimpleNamespace(terms=[term])))
 
 
 def with_what_is_hidden(
@@ -129,16 +135,17 @@ def with_what_is_hidden(
     misfit: float = 1.0,
     gain: float = 900.0,
     specimen_goes: bool = False,
-    beside: tuple[Trial, ...] = (trial_of(WARM, 68.0),),
+    behind: tuple[Candidate, ...] = (Candidate(WARM, 68.0),),
     fixed: int = 0,
     promises: bool = True,
 ) -> tuple[list[str], selection._Search]:
-    """The names chosen where warmth gains a little beside a field, and ``then`` follow it; and the search."""
+    """The names chosen where warmth is found ``behind`` a field, and ``then`` follow it; and the search."""
 
     def grown(search: selection._Search, fit: CheckedFit) -> CheckedFit:
         search.disagrees = search.disagrees or specimen_goes
         return replace(fit_of(*fit.solved.terms, *then), misfit=misfit)
 
+    monkeypatch.setattr(selection, "behind_field", lambda problem, solved, number: list(behind))
     monkeypatch.setattr(selection, "where_it_settles", lambda build, problem, solved: fit_of(*solved.terms))
     monkeypatch.setattr(selection, "refined", lambda build, fit, partitions: fit)
     monkeypatch.setattr(selection, "gain_of_exchange", lambda present, proposed: gain)
@@ -148,7 +155,7 @@ def with_what_is_hidden(
     monkeypatch.setattr(selection._Search, "_without_drifts", lambda search, fit: fit)
     monkeypatch.setattr(selection._Search, "grown", grown)
     monkeypatch.setattr(selection._Search, "pruned", lambda search, fit: (chosen_of(fit), fit))
-    search = selection._Search(None, [], lambda share, text: None, fixed, {}, unentered=list(beside))  # type: ignore[arg-type]
+    search = selection._Search(None, [], lambda share, text: None, fixed, {})  # type: ignore[arg-type]
     found, fit = search.fields_reconsidered(chosen_of(incumbent), incumbent)
     assert found == chosen_of(fit)
     return [term.name for term in fit.solved.terms], search
@@ -160,7 +167,7 @@ def chosen_of(fit: CheckedFit) -> Any:
 
 @pytest.mark.parametrize("then", [(FIELD,), ()], ids=["and the field", "alone"])
 def test_what_a_field_hides_enters_before_it(then: tuple[NamedTerm, ...], monkeypatch: pytest.MonkeyPatch) -> None:
-    found, search = with_what_is_hidden(fit_of(FIELD, misfit=1.04), monkeypatch, then=then)
+    found, search = with_what_is_hidden(fit_of(FIELD), monkeypatch, then=then)
     assert found == ["self_heating", *(term.name for term in then)]
     assert search.tried[-1] == Tried(tuple(found), 900.0, True)
 
@@ -171,75 +178,49 @@ def test_what_a_field_hides_enters_before_it(then: tuple[NamedTerm, ...], monkey
     ids=["worse", "no likelier", "without the specimen", "promises nothing"],
 )
 def test_a_field_that_hides_nothing_stays(found: dict[str, Any], monkeypatch: pytest.MonkeyPatch) -> None:
-    names, search = with_what_is_hidden(fit_of(FIELD, misfit=1.04), monkeypatch, **found)
+    names, search = with_what_is_hidden(fit_of(FIELD), monkeypatch, **found)
     assert names == ["field"]
     assert not any(one.kept for one in search.tried)
     assert search.stand == {}
     assert not search.disagrees
 
 
-def test_the_best_that_is_no_field_enters_and_the_others_are_its_rivals(monkeypatch: pytest.MonkeyPatch) -> None:
-    beside = (trial_of(UNEVEN, 90.0), trial_of(WARM, 68.0), trial_of(DRIFTING, 66.0))
-    names, search = with_what_is_hidden(fit_of(FIELD, misfit=1.04), monkeypatch, beside=beside)
+def test_the_likeliest_enters_and_the_others_and_the_field_are_its_rivals(monkeypatch: pytest.MonkeyPatch) -> None:
+    behind = (Candidate(WARM, 68.0), Candidate(DRIFTING, 66.0), Candidate(DRIFTING, 3.0))
+    names, search = with_what_is_hidden(fit_of(FIELD), monkeypatch, behind=behind)
     assert names == ["self_heating", "field"]
-    assert [(one.effect.name, one.short) for one in search.stand["self_heating:"]] == [("temperature_drift", 2.0)]
+    rivals = [(one.effect.name, one.short) for one in search.stand["self_heating:"]]
+    assert rivals == [("temperature_drift", 2.0), ("sheet_inhomogeneity", 68.0)]
 
 
-@pytest.mark.parametrize("beside", [(), (trial_of(UNEVEN, 90.0),), (trial_of(WARM, 1.0),)])
-def test_fields_and_what_gains_by_chance_are_not_hidden(
-    beside: tuple[Trial, ...], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    assert with_what_is_hidden(fit_of(FIELD, misfit=1.04), monkeypatch, beside=beside)[0] == ["field"]
+@pytest.mark.parametrize("behind", [(), (Candidate(WARM, 9.0),)])
+def test_what_gains_by_chance_is_not_hidden(behind: tuple[Candidate, ...], monkeypatch: pytest.MonkeyPatch) -> None:
+    names, search = with_what_is_hidden(fit_of(FIELD), monkeypatch, behind=behind)
+    assert names == ["field"]
+    assert search.tried == []
 
 
 def test_a_fixed_term_stays(monkeypatch: pytest.MonkeyPatch) -> None:
-    names, _ = with_what_is_hidden(fit_of(FIELD, LOOP, misfit=1.04), monkeypatch, fixed=1)
+    names, _ = with_what_is_hidden(fit_of(FIELD, LOOP), monkeypatch, fixed=1)
     assert names == ["field", "loop"]
 
 
 @pytest.mark.parametrize(
-    "incumbent",
-    [fit_of(FIELD), fit_of(DRIFT, misfit=1.04), fit_of(replace(FIELD, by_place=True), misfit=1.04)],
-    ids=["all explained", "no field", "told by place"],
+    "incumbent", [fit_of(DRIFT), fit_of(replace(FIELD, by_place=True))], ids=["no field", "told by place"]
 )
-def test_without_a_smooth_field_or_misfit_nothing_is_hidden(
-    incumbent: CheckedFit, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_without_a_smooth_field_nothing_is_hidden(incumbent: CheckedFit, monkeypatch: pytest.MonkeyPatch) -> None:
     names, search = with_what_is_hidden(incumbent, monkeypatch)
     assert names == [term.name for term in incumbent.solved.terms]
     assert search.tried == []
 
 
-@pytest.mark.parametrize("enters", [True, False])
-def test_a_turn_in_which_nothing_enters_keeps_what_it_tried(enters: bool, monkeypatch: pytest.MonkeyPatch) -> None:
-    tried, gain = [trial_of(WARM, 68.0)], SimpleNamespace(gain=0.0)
-    incumbent = fit_of(FIELD, misfit=1.04)
-    stub: Any = incumbent
-    stub.solved.effects, stub.problem.at_hand = (), lambda current: current
-    monkeypatch.setattr(selection, "screen", lambda problem, current, partitions: [])
-    monkeypatch.setattr(selection, "form_error", lambda problem, current, partitions, effects: gain)
-    monkeypatch.setattr(selection, "worth_a_name", lambda problem, current: 1000.0)
-    monkeypatch.setattr(selection, "trials_of", lambda problem, current, found, partitions, left, settle: tried)
-    monkeypatch.setattr(selection, "unforeseen", lambda problem, current, found, partitions: [])
-    monkeypatch.setattr(selection, "_of_few_numbers", lambda build, fit, entered, trials, partitions: entered)
-    monkeypatch.setattr(selection, "_reconsidered", lambda build, fit: fit)
-    monkeypatch.setattr(selection, "refined", lambda build, fit, partitions: fit)
-    entered = (tried[0], fit_of(FIELD, PAD)) if enters else None
-    monkeypatch.setattr(selection._Search, "_first_to_enter", lambda search, fit, trials: entered)
-    monkeypatch.setattr(selection._Search, "_in_anothers_place", lambda search, fit, trials: None)
-    monkeypatch.setattr(selection._Search, "told_by_place", lambda search, fit: None)
-    search = selection._Search(None, [], lambda share, text: None, 0, {}, unentered=[trial_of(DRIFTING, 9.0)])  # type: ignore[arg-type]
-    assert (search.one_more(incumbent) is None) is not enters
-    assert search.unentered == ([] if enters else tried)
-
-
 @pytest.mark.parametrize(
-    ("alone", "with_field", "promises"), [(900.0, None, True), (-9e4, 900.0, True), (-9e4, 1.0, False)]
+    ("alone", "with_field", "promises"), [(900.0, None, True), (-9e4, 1.0, True), (-9e4, -1.0, False)]
 )
 def test_a_fit_promises_what_it_gains_alone_or_beside_the_field(
     alone: float, with_field: float | None, promises: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    incumbent, proposed = fit_of(FIELD, misfit=1.04), fit_of(PAD)
+    incumbent, proposed = fit_of(FIELD), fit_of(PAD)
     both = None if with_field is None else fit_of(PAD, FIELD).solved
     solved: Any = proposed.problem
     solved.solve = lambda terms, calibration, steps: fit_of(*terms).solved
@@ -247,4 +228,4 @@ def test_a_fit_promises_what_it_gains_alone_or_beside_the_field(
     monkeypatch.setattr(
         selection, "gain_of_exchange", lambda present, fit: alone if fit is proposed else cast(float, with_field)
     )
-    assert selection._promises(incumbent, proposed, UNEVEN, []) is promises
+    assert selection._promises(incumbent, proposed, Term(UNEVEN, ("amplitude",)), []) is promises

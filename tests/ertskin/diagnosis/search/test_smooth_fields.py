@@ -99,7 +99,7 @@ def test_evidence_is_the_marginal_likelihood() -> None:
     rng = np.random.default_rng(0)
     half, design = rng.normal(size=(8, 3)), rng.normal(size=(20, 8))
     wrong = rng.normal(size=20) * 2
-    evidence = smooth_fields._evidences(half, design.T @ wrong, design.T @ design)
+    evidence = smooth_fields.evidences(half, design.T @ wrong, design.T @ design)
     without = multivariate_normal(np.zeros(20), np.eye(20)).logpdf(wrong)
     for spread, found in zip(smooth_fields.SPREADS, evidence, strict=True):
         through = spread * design @ half
@@ -178,9 +178,9 @@ def errors_between_presses(seed: int) -> tuple[float, float]:
     numbers = np.array([wrong[cell].size for cell in cells], dtype=float)
     quadratic = NodeQuadratic(cost, numbers, gradient, hessian, np.zeros(0), np.zeros(0))
     process = foretelling(quadratic, EXTENT_M, PARTITIONS)
-    half = smooth_fields._covariances(SHAPE, tuple(EXTENT_M.ravel()))[LENGTHS.index(0.5)]
+    half = smooth_fields.covariances(EXTENT_M)[LENGTHS.index(0.5)]
     summed = gradient.sum(axis=0), hessian.sum(axis=0)
-    wide = smooth_fields.SPREADS[int(smooth_fields._evidences(half, *summed).argmax())]
+    wide = smooth_fields.SPREADS[int(smooth_fields.evidences(half, *summed).argmax())]
     modes, sizes = smooth_fields._informed_modes(half, wide, *summed)
     new = field_design(SHAPE, at[20:], EXTENT_M)
     size = float(np.sqrt(np.mean((new @ field) ** 2)))
