@@ -64,18 +64,19 @@ def spare_evidence(problem: VoltageProblem, solved: Solved) -> float:
 
 
 def loss_beside_fields(problem: VoltageProblem, solved: Solved, without: Solved, number: int) -> float:
-    """Half chi-square that a term is worth beside smooth fields that may stand in for it: what it explains with all
-    others as they are; nought where there are none, or where the fit ``without`` it isn't significantly less likely.
+    """Half chi-square that a term of few numbers is worth beside smooth fields that may stand in for it: what it
+    explains with all others as they are; minus infinity where there are none, or where the fit ``without`` it isn't
+    significantly less likely.
 
     Beside a field that has taken its place it is worth hardly anything, however much it explains.
     """
     kin = solved.terms[number].effect.hypothesis.kin
     fields = [solved.terms[k].effect for k in smooth_fields_of(solved) if k != number]
-    if not any(field.hypothesis.kin & kin for field in fields):
-        return 0.0
+    if solved.terms[number].modes is not None or not any(field.hypothesis.kin & kin for field in fields):
+        return -np.inf
     evidence = [unlikely(one) - spare_evidence(problem, one) for one in (without, solved)]
     significant = evidence[0] - evidence[1] > problem.evidence.criteria.significant_gain
-    return solved.rise_without(number, others_stay=True) if significant else 0.0
+    return solved.rise_without(number, others_stay=True) if significant else -np.inf
 
 
 def _reduced(

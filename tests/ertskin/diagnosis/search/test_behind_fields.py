@@ -125,6 +125,6 @@ def test_beside_a_field_a_term_is_worth_what_it_explains() -> None:
 def test_a_term_that_makes_nothing_likelier_and_one_beside_no_field_are_worth_nothing_more() -> None:
     problem, field = evened(SLOPE)
     both = problem.solve([Term(replace(STRETCH, stretch_x=1e-4), ("stretch_x",)), *field.terms], START)
-    assert loss_beside_fields(problem, both, field, 0) == 0.0
+    assert loss_beside_fields(problem, both, field, 0) == -np.inf
     alone = problem.solve(both.terms[:1], START)
-    assert loss_beside_fields(problem, alone, alone, 0) == 0.0
+    assert loss_beside_fields(problem, alone, alone, 0) == -np.inf
