@@ -25,6 +25,7 @@ from ertskin.physics.effects.effect import AcquisitionEffect, Effect, ElectrodeE
 from ertskin.physics.effects.hypothesis import Measured, Signal
 from ertskin.physics.effects.registry import effects_shown_by, measured_as
 from ertskin.physics.sensor import Sensor
+from ertskin.physics.skin import Skin
 
 Array = NDArray[np.float64]
 
@@ -67,11 +68,11 @@ def _through_scans(problem: VoltageProblem, solved: Solved, partitions: Sequence
     kinds = [kind for kind in effects_shown_by(Signal.READINGS) if kind.name not in present and not _moves_pads(kind)]
     for start in _starts(problem, kinds):
         probes, finish = _trial(start)
-        columns = _columns(problem, solved, base, probes)
+        probed = _probed(problem, solved, probes)
+        columns = _columns(problem.scan_residual, base, probed)
         extra = np.zeros((0, len(probes)))
         if problem.specimen is not None:
-            skins = [(problem.family.skin(solved.calibration, (*solved.effects, one)), size) for one, size in probes]
-            extra = np.stack([(specimen - problem.specimen.residual(skin)) / size for skin, size in skins], axis=-1)
+            extra = _columns(problem.specimen.residual, specimen, probed)
         gain, value = added_gain(problem, solved, columns, base, specimen, extra, partitions)
         if np.isfinite(gain) and np.isfinite(value).all():
             found.append(Candidate(finish(value), gain))
@@ -81,10 +82,14 @@ def _through_scans(problem: VoltageProblem, solved: Solved, partitions: Sequence
 Probes = list[tuple[Effect, float]]
 
 
-def _columns(problem: VoltageProblem, solved: Solved, base: Array, probes: Probes) -> Array:
-    """(T,P,c) what probes beside the fit's effects change of its scans, ``base`` (T,P) their residual without."""
-    skins = [(problem.family.skin(solved.calibration, (*solved.effects, probe)), size) for probe, size in probes]
-    return np.stack([(base - problem.scan_residual(skin)) / size for skin, size in skins], axis=-1)
+def _probed(problem: VoltageProblem, solved: Solved, probes: Probes) -> list[tuple[Skin, float]]:
+    """The fit's skin with each probe beside its effects, and the probe's size."""
+    return [(problem.family.skin(solved.calibration, (*solved.effects, probe)), size) for probe, size in probes]
+
+
+def _columns(residual: Callable[[Skin], Array], base: Array, probed: Sequence[tuple[Skin, float]]) -> Array:
+    """(...,c) what probes change of a residual, ``base`` (...) without them."""
+    return np.stack([(base - residual(skin)) / size for skin, size in probed], axis=-1)
 
 
 def _starts(problem: VoltageProblem, kinds: Sequence[type[Effect]]) -> list[Start]:
@@ -213,7 +218,7 @@ def like_a_field(problem: VoltageProblem, solved: Solved, field: Term) -> Iterat
     others = [kind for kind in alike if kind.name not in present and not _moves_pads(kind)]
     for start in _starts(problem, others):
         probes, finish = _trial(start)
-        columns = _columns(problem, solved, solved.scan_residual, probes)
+        columns = _columns(problem.scan_residual, solved.scan_residual, _probed(problem, solved, probes))
         yield Direction(columns, finish, positive=not start.along)
 
 

@@ -63,7 +63,8 @@ Problem = Callable[[Solved | None], VoltageProblem]
 class Chosen:
     """A selected term: what the fit loses without it and what the best other candidate gains in its stead.
 
-    ``ratio_alone``: rms over noise that this term by itself would make, on frames held out. ``confidence``: that of
+    Beside a field that stands in for it the ``loss`` is what it explains with that as it is. ``ratio_alone``: rms over
+    noise that this term by itself would make, by the loss. ``confidence``: that of
     another way to choose, which no rule changes; None where it follows from the rivals and the rules. ``by_place``:
     misfits over noise of the presses fitted without the field that it is, and with it told place by place. ``by_lag``:
     what the fit loses if it followed presses at once; None of what has no such limit.
