@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -18,6 +19,9 @@ Indices = NDArray[np.intp]
 
 ALIKE = 0.05
 """States whose changes of conductance differ by less than this part share a solution."""
+CONTACTS_ALIKE = 0.3
+"""Logarithms of contact resistances that differ by less share a solution where nothing presses: what a pad shunts, all
+that an electrode shows that isn't read while driven, is far from linear in its resistance."""
 NEGLIGIBLE = 1e-5
 """Part of the largest singular value below which forms are left out of rows: single precision keeps little more."""
 
@@ -178,23 +182,31 @@ def followers(relative: Array, contacts: Array, usual: Array) -> tuple[Indices, 
     """Which leader each row follows (n,), and the rows that lead.
 
     By ``relative`` (n,G) conductance and ``contacts`` (n,L) in ohm, which are ``usual`` (L,) at rest; how uneven one is
-    hangs on how much less it resists.
+    hangs on how much less it resists. Where nothing presses, by the contacts alone.
     """
     if not relative.shape[1]:
-        return np.zeros(len(relative), dtype=np.intp), [0]
+        change = np.log(contacts)
+        return _led(lambda leaders, k: np.abs(change[leaders] - change[k]).max(axis=1), len(change), CONTACTS_ALIKE)
     change = np.hstack([relative - 1, 0.2 * (contacts / usual - 1)])
-    size = np.sqrt((change**2).sum(axis=1))
+    near = ALIKE * np.maximum(np.sqrt((change**2).sum(axis=1)), 1e-6)
+
+    def apart(leaders: list[int], k: int) -> Array:
+        return np.asarray(np.sqrt(((change[leaders] - change[k]) ** 2).sum(axis=1)) / near[k])
+
+    return _led(apart, len(change), 1.0)
+
+
+def _led(apart: Callable[[list[int], int], Array], count: int, near: float) -> tuple[Indices, list[int]]:
+    """Which leader each of so many rows follows, and those that lead: each that is ``near`` none before it."""
     leaders: list[int] = []
-    state_of = np.zeros(len(relative), dtype=np.intp)
-    for k in range(len(relative)):
-        if leaders:
-            apart = np.sqrt(((change[leaders] - change[k]) ** 2).sum(axis=1))
-            nearest = int(apart.argmin())
-            if apart[nearest] < ALIKE * max(size[k], 1e-6):
-                state_of[k] = nearest
-                continue
-        state_of[k] = len(leaders)
-        leaders.append(k)
+    state_of = np.zeros(count, dtype=np.intp)
+    for k in range(count):
+        distance = apart(leaders, k) if leaders else np.array([np.inf])
+        if distance.min() >= near:
+            leaders.append(k)
+            state_of[k] = len(leaders) - 1
+        else:
+            state_of[k] = distance.argmin()
     return state_of, leaders
 
 

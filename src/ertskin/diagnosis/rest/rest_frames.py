@@ -359,7 +359,6 @@ def _contact_drift(
     }
     # Read off the slope at the mean: where that leads to nothing or less, readings hardly show the contact.
     paths = {k: path for k, path in paths.items() if path.min() > LEAST_LEFT - 1}
-    settling = {k: path for k, path in settling.items() if k not in paths}
     drifts = (_drift(k, contacts[k] * path, time_s) for k, path in sorted((settling | paths).items()))
     return tuple(drifts), frozenset(settling)
 

@@ -17,6 +17,7 @@ from ertskin.diagnosis.fit.joint_fit import Solved, Term, VoltageProblem
 from ertskin.diagnosis.linear.calibration_vector import WIDEST_RATIO, Calibration
 from ertskin.diagnosis.search.behind_fields import behind_field, loss_beside_fields, smooth_fields_of
 from ertskin.diagnosis.search.candidates import Candidate, screen
+from ertskin.diagnosis.search.contact_paths import as_good_at_rest, without_paths
 from ertskin.diagnosis.search.exchange import exchanged, gain_of_exchange
 from ertskin.diagnosis.search.form_error import form_error
 from ertskin.diagnosis.search.gain import gained
@@ -37,7 +38,7 @@ from ertskin.diagnosis.search.trials import (
 from ertskin.diagnosis.specimen.agreement import remembers_alike
 from ertskin.physics.conduction.mesh import MeshError
 from ertskin.physics.effects.effect import ElectrodeEffect, shown_by
-from ertskin.physics.effects.hypothesis import Measured, Signal
+from ertskin.physics.effects.hypothesis import Signal
 from ertskin.physics.effects.piezo_chain import in_fabric
 
 Array = NDArray[np.float64]
@@ -214,7 +215,7 @@ class _Search:
     def _remembering(self, incumbent: CheckedFit, start: Calibration) -> CheckedFit | None:
         """The fit with a memory that shows in air and no contacts that wander; None where they do better beside it."""
         terms = incumbent.solved.terms
-        still = [term for term in terms if not _path_of_contact(term)]
+        still = without_paths(terms)
         if len(still) == len(terms):
             return None
         self.fixed = len(still)
@@ -505,14 +506,13 @@ def _begun(build: Problem, without: CheckedFit, terms: Sequence[Term]) -> Checke
 
 def _without_drifts(build: Problem, incumbent: CheckedFit, fixed: Sequence[Term]) -> tuple[CheckedFit, Sequence[Term]]:
     """The fit and its fixed terms without contacts that wander, where places that creep explain as much at rest."""
-    still = [term for term in incumbent.solved.terms if not _path_of_contact(term)]
+    still = without_paths(incumbent.solved.terms)
     if not _remembers_air(incumbent.solved) or len(still) == len(incumbent.solved.terms):
         return incumbent, fixed
     proposed = where_it_settles(build, None, incumbent.problem.solve(still, incumbent.solved.calibration))
-    chance = incumbent.problem.evidence.criteria.chance_ratio
-    if proposed is None or proposed.spoils(incumbent) or _at_rest(proposed) > chance * _at_rest(incumbent):
+    if proposed is None or proposed.spoils(incumbent) or not as_good_at_rest(proposed, incumbent):
         return incumbent, fixed
-    return proposed, [term for term in fixed if not _path_of_contact(term)]
+    return proposed, without_paths(fixed)
 
 
 def _as_good_alone(build: Problem, fit: CheckedFit, contacts: Sequence[Term]) -> bool:
@@ -521,8 +521,7 @@ def _as_good_alone(build: Problem, fit: CheckedFit, contacts: Sequence[Term]) ->
     problem, solved = fit.problem, fit.solved
     begun = problem.solve([*contacts, solved.terms[-1]], solved.calibration, leftover=solved.leftover)
     both = where_it_settles(build, problem, begun)
-    chance = problem.evidence.criteria.chance_ratio
-    return both is None or not (fit.spoils(both) or _at_rest(fit) > chance * _at_rest(both))
+    return both is None or (not fit.spoils(both) and as_good_at_rest(fit, both))
 
 
 def _remembers_air(solved: Solved) -> bool:
@@ -533,16 +532,6 @@ def _remembers_air(solved: Solved) -> bool:
 def _may_remember_air(trial: Trial) -> bool:
     """Whether something of a trial shows where nothing presses any longer, or could in another form."""
     return any(hasattr(part, "remembers_air") for part in in_fabric(trial.solved.effects))
-
-
-def _path_of_contact(term: Term) -> bool:
-    return term.effect.hypothesis.measured == Measured.CONTACT_PATH
-
-
-def _at_rest(fit: CheckedFit) -> float:
-    """Misfit over noise where nothing presses."""
-    rows = fit.problem.evidence.rest & (fit.problem.weight > 0)
-    return float(np.sqrt(np.mean(fit.solved.scan_residual[rows] ** 2))) if rows.any() else 0.0
 
 
 def _first_to_hold(

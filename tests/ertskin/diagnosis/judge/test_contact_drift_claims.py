@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from ertskin.diagnosis.criteria import DEFAULT
 from ertskin.diagnosis.judge.contact_drift_claims import drift_claims
@@ -17,20 +18,23 @@ FRAMES, PAIRS, ELECTRODES = 6, 40, 4
 
 def selection(sizes: list[float]) -> Any:
     """Electrode k off by ``sizes[k]`` of the noise in pairs of its own, half of the time up, half of it down."""
-    time_s = np.arange(FRAMES, dtype=float)
-    column = np.zeros((FRAMES, PAIRS, ELECTRODES))
-    for k in range(ELECTRODES):
-        column[:, k::ELECTRODES, k] = np.sqrt(ELECTRODES)
-    path = tuple(np.resize([1.0, -1.0], FRAMES).tolist())
-    drifts = [ContactDrift(k, tuple(time_s.tolist()), tuple(size * p for p in path)) for k, size in enumerate(sizes)]
+    path = np.resize([1.0, -1.0], FRAMES)
+    time_s = tuple(np.arange(FRAMES, dtype=float).tolist())
+    drifts = [ContactDrift(k, time_s, tuple((size * path).tolist())) for k, size in enumerate(sizes)]
+
+    def residual(effects: list[ContactDrift]) -> NDArray[np.float64]:
+        wrong = np.zeros((FRAMES, PAIRS))
+        for drift in effects:
+            wrong[:, drift.electrode :: ELECTRODES] -= np.sqrt(ELECTRODES) * np.array(drift.ohm)[:, None]
+        return wrong
+
     problem = SimpleNamespace(
-        contact_columns=lambda skin: column,
-        family=SimpleNamespace(skin=lambda calibration, effects: None),
-        evidence=SimpleNamespace(history=SimpleNamespace(time_s=time_s), criteria=DEFAULT),
+        scan_residual=residual,
+        family=SimpleNamespace(skin=lambda calibration, effects: effects),
+        evidence=SimpleNamespace(criteria=DEFAULT),
         weight=np.ones(FRAMES),
     )
-    solved = SimpleNamespace(effects=drifts, calibration=SimpleNamespace(contact_ohm=np.ones(ELECTRODES)))
-    return SimpleNamespace(after=solved, problem=problem)
+    return SimpleNamespace(after=SimpleNamespace(effects=drifts, calibration=None), problem=problem)
 
 
 def claimed(sizes: list[float], *settling: int) -> list[int]:

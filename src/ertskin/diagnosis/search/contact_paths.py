@@ -1,0 +1,58 @@
+"""Contacts that wander: what their paths, measured at rest, do to the scans, and whether something else does it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ertskin.diagnosis.fit.full_solution_check import CheckedFit
+from ertskin.diagnosis.fit.joint_fit import Solved, Term, VoltageProblem
+from ertskin.physics.effects.effect import Effect
+from ertskin.physics.effects.hypothesis import Measured
+
+Array = NDArray[np.float64]
+
+
+def is_path(effect: Effect) -> bool:
+    """Whether an effect is the path of a contact that wanders."""
+    return effect.hypothesis.measured == Measured.CONTACT_PATH
+
+
+def without_paths(terms: Sequence[Term]) -> list[Term]:
+    """The terms that aren't paths of contacts."""
+    return [term for term in terms if not is_path(term.effect)]
+
+
+def paths_of(solved: Solved) -> list[Effect]:
+    """The paths of contacts among a fit's effects."""
+    return [effect for effect in solved.effects if is_path(effect)]
+
+
+def changed_by(problem: VoltageProblem, solved: Solved, effects: Sequence[Effect]) -> Array:
+    """What some of a fit's effects do to the scans (T,P) of the frames fitted, in units of the noise."""
+    others = [effect for effect in solved.effects if effect not in effects]
+    with_all, without = (problem.family.skin(solved.calibration, every) for every in (solved.effects, others))
+    return problem.scan_residual(without) - problem.scan_residual(with_all)
+
+
+def as_good_at_rest(without: CheckedFit, beside: CheckedFit) -> bool:
+    """Whether rest frames are explained ``without`` paths of contacts as well as ``beside`` them.
+
+    Not where they then fit materially worse, nor where most of what the paths do there, and significantly much beyond
+    chance, isn't done by anything else: a contact that settles may be sure and change hardly anything.
+    """
+    criteria = beside.problem.evidence.criteria
+    left, kept = _at_rest(without, without.solved.scan_residual), _at_rest(beside, beside.solved.scan_residual)
+    rise, noise = float((left**2).sum() - (kept**2).sum()), max(1.0, float((kept**2).mean())) if kept.size else 1.0
+    if rise > (criteria.chance_ratio**2 - 1) * float((kept**2).sum()):
+        return False
+    done = _at_rest(beside, changed_by(beside.problem, beside.solved, paths_of(beside.solved)))
+    uneven = float(((done - done.mean(axis=0)) ** 2).sum())
+    return rise < max(2 * criteria.significant_gain * noise, criteria.most_share * uneven)
+
+
+def _at_rest(fit: CheckedFit, changes: Array) -> Array:
+    """Changes (T,P) of the frames fitted in which nothing presses."""
+    return changes[fit.problem.evidence.rest & (fit.problem.weight > 0)]

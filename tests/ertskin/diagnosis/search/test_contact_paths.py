@@ -1,0 +1,72 @@
+"""Paths of contacts stay where nothing else does what they do at rest, however little that is."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from ertskin.diagnosis.criteria import DEFAULT
+from ertskin.diagnosis.search.contact_paths import as_good_at_rest, changed_by, paths_of, without_paths
+from ertskin.physics.effects.contact_drift import ContactDrift
+from ertskin.physics.effects.sheet_anisotropy import SheetAnisotropy
+
+FRAMES, PAIRS = 20, 400
+TIME_S = np.arange(FRAMES, dtype=float)
+RISING = ContactDrift(3, tuple(TIME_S.tolist()), tuple(TIME_S.tolist()))
+EVEN = SheetAnisotropy()
+
+
+def fit(path_per_frame: float, left: float, missed: float = 0.0) -> Any:
+    """A fit, every second frame at rest, with a path that does ``path_per_frame`` in each of ten pairs and frame, and
+    leaves noise of ``left`` and a share ``missed`` of what the path does."""
+    noise = left * np.random.default_rng(0).standard_normal((FRAMES, PAIRS))
+    rising = np.zeros((FRAMES, PAIRS))
+    rising[:, :10] = path_per_frame * (TIME_S - TIME_S[::2].mean())[:, None]
+    problem = SimpleNamespace(
+        scan_residual=lambda effects: noise + (missed if RISING in effects else 1.0) * rising,
+        family=SimpleNamespace(skin=lambda calibration, effects: effects),
+        evidence=SimpleNamespace(criteria=DEFAULT, rest=np.arange(FRAMES) % 2 == 0),
+        weight=np.ones(FRAMES),
+    )
+    solved = SimpleNamespace(effects=(EVEN, RISING), calibration=None, scan_residual=noise + missed * rising)
+    return SimpleNamespace(problem=problem, solved=solved)
+
+
+def test_what_a_path_changes_is_what_the_scans_lack_without_it() -> None:
+    one = fit(0.1, 1.0)
+    assert paths_of(one.solved) == [RISING]
+    changed = changed_by(one.problem, one.solved, paths_of(one.solved))
+    assert changed[:, 0] == pytest.approx(0.1 * (TIME_S - 9.0))
+    assert changed[:, 10:] == pytest.approx(0.0)
+    assert changed_by(one.problem, one.solved, [EVEN]) == pytest.approx(0.0)
+
+
+def test_terms_without_paths() -> None:
+    path, other = SimpleNamespace(effect=RISING), SimpleNamespace(effect=EVEN)
+    assert without_paths([path, other]) == [other]  # type: ignore[list-item]
+
+
+def test_a_path_that_nothing_stands_in_for_stays_though_it_changes_hardly_anything() -> None:
+    beside = fit(0.12, 1.0)
+    missed = fit(0.12, 1.0, 1.0)
+    ratio = np.sqrt((missed.solved.scan_residual[::2] ** 2).mean() / (beside.solved.scan_residual[::2] ** 2).mean())
+    assert ratio < DEFAULT.chance_ratio
+    assert not as_good_at_rest(missed, beside)
+
+
+def test_a_path_goes_where_something_else_does_most_of_what_it_does() -> None:
+    beside = fit(0.12, 1.0)
+    assert as_good_at_rest(fit(0.12, 1.0, 0.3), beside)
+    assert as_good_at_rest(fit(0.12, 1.0), beside)
+
+
+def test_what_little_comes_by_chance_is_not_missed() -> None:
+    assert as_good_at_rest(fit(0.05, 1.0, 1.0), fit(0.05, 1.0))
+    assert as_good_at_rest(fit(0.12, 5.0, 1.0), fit(0.12, 5.0))
+
+
+def test_a_material_rise_is_missed_whoever_made_it() -> None:
+    assert not as_good_at_rest(fit(0.12, 1.05), fit(0.12, 1.0))
