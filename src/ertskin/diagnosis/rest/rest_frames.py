@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,10 +14,9 @@ from ertskin.diagnosis.linear.calibration_vector import CONTACT_SPREAD
 from ertskin.diagnosis.linear.sensitivity import sheet_sensitivity, whitening_of_transfer
 from ertskin.diagnosis.recording.evidence import Evidence
 from ertskin.diagnosis.rest.settling_contacts import settling_contacts
+from ertskin.diagnosis.rest.wandering_contacts import ENOUGH_RESTS, contact_drift
 from ertskin.diagnosis.rest.warmth import RestWarmth, warmth_at_rest
 from ertskin.physics.effects.effect import Effect
-from ertskin.physics.effects.hypothesis import Measured
-from ertskin.physics.effects.registry import measured_as
 from ertskin.physics.history import History
 from ertskin.physics.sensor import Sensor
 from ertskin.physics.skin import TAIL, Skin
@@ -26,21 +24,14 @@ from ertskin.physics.skin import TAIL, Skin
 Array = NDArray[np.float64]
 
 ROUNDS = 30
-LEAST_LEFT = 0.02
-"""Part of a contact's mean resistance that a path must leave of it."""
 LEAST_GUESS_OHM = 10.0
 """Least that a file's guess of a contact's resistance counts as: it begins a fit in logarithms, and may be nought."""
 FAR_FROM_GUESS = 5.0
 """Logarithm of most contacts' resistance, over what a sensor's file guesses, from which on they are drawn back: 500
 ohm where a file guesses 10 are common, but 50,000 are what a misfit makes of readings without driven electrodes
 (c012 of ``tenth16``)."""
-ENOUGH_RESTS = 5
 REMEMBERED = 3
 """Places, pressed before a rest frame, that may not have recovered yet."""
-LEFT, ALONE = 0.2, 0.3
-"""Parts of what changes between rest frames: left by all restless contacts, explained by one."""
-FEW_OF = 4
-"""Of so many contacts one, at least, makes few of them."""
 COLOURED = 0.05
 """Excess of the rest frames' scatter over the readings' noise that is taken for coloured noise."""
 SURELY_COLOURED = 3.0
@@ -97,11 +88,13 @@ def rested(skin: Skin, evidence: Evidence) -> Rested:
     time_s, contacts = evidence.history.time_s[good], skin.contact_resistance_ohm
     run = np.cumsum(~evidence.rest, dtype=np.intp)[good]
     criteria, doubt = evidence.criteria, warmth.doubt
-    given = evidence.noise_v, columns, traces, contacts, criteria, doubt
-    drift, settling = _contact_drift(scans - mean, time_s, run, *given)
+    given = evidence.noise_v, columns, traces, contacts, criteria, partial(_scan_at_rest, skin), doubt
+    drifting = contact_drift(scans - mean, time_s, run, *given)
+    skin = replace(skin, contact_resistance_ohm=drifting.usual_ohm)
     noise = _scatter(clean, run, columns, (evidence.noise_v, evidence.leftover_error), criteria)
     left_out = every[..., : traces.shape[2]]
-    return Rested(skin, mean, mean_noise_v, misfit, drift, settling, noise, left_out, warmth.name)
+    found = drifting.effects, drifting.settling
+    return Rested(skin, mean, mean_noise_v, misfit, *found, noise, left_out, warmth.name)
 
 
 def _settled(scans: Array, evidence: Evidence, good: NDArray[np.bool_], columns: Array, traces: Array) -> float:
@@ -124,20 +117,24 @@ def fitted_at_rest(skin: Skin, mean: Array) -> tuple[Skin, Array, Array]:
 
     The skin with them, the scan's derivatives (P,L+1) by the logarithms, the sheet's last, and its own scan (P,).
     """
-    protocol = skin.protocol
     contacts, zero = np.array(skin.contact_resistance_ohm), skin.piezo.zero_ohm_sq
     guess = float(np.log(guessed_ohm(skin.sensor)))
     for _ in range(ROUNDS):
-        solution = skin.sheet.solve(skin.sheet.uniform(zero), contacts)
-        slope = protocol.whitened(solution.jacobian_contact_resistance().T).T
-        scan = protocol.whitened(solution.pair_resistance_ohm)
-        columns = np.column_stack([slope * contacts, scan - slope @ contacts])
+        scan, slope = _scan_at_rest(replace(skin, piezo=skin.piezo.scaled(zero)), contacts)
+        columns = np.column_stack([slope, scan - slope.sum(axis=1)])
         step = _step_at_rest(columns, mean - scan, np.log(contacts), guess)
         contacts = np.clip(contacts * np.exp(np.clip(step[:-1], -1.5, 1.5)), 0.1, 1e7)
         zero = zero * float(np.exp(np.clip(step[-1], -0.3, 0.3)))
         if np.abs(step).max() < 1e-6:
             break
     return replace(skin, piezo=skin.piezo.scaled(zero), contact_resistance_ohm=contacts), columns, scan
+
+
+def _scan_at_rest(skin: Skin, contacts: Array) -> tuple[Array, Array]:
+    """The resting scan (P,) of contacts (L,) in ohm, and its derivatives (P,L) by their logarithms."""
+    solution = skin.sheet.solve(skin.sheet.uniform(skin.piezo.zero_ohm_sq), contacts)
+    slope = skin.protocol.whitened(solution.jacobian_contact_resistance().T).T
+    return skin.protocol.whitened(solution.pair_resistance_ohm), slope * contacts
 
 
 def _step_at_rest(columns: Array, residual: Array, log_contacts: Array, guess: float) -> Array:
@@ -318,150 +315,3 @@ def _largest_by_chance(count: int, width: int) -> float:
     jump = np.diff(rng.standard_normal((CHANCES, count, width)), n=2, axis=1) / np.sqrt(6)
     size = np.linalg.eigvalsh(np.einsum("crn,crm->cnm", jump, jump, optimize=True) / jump.shape[1])
     return float(np.quantile(size[:, -1], 1 - RARELY))
-
-
-# contacts that wander ------------------------------------------------------------------------------------------
-
-
-def _contact_drift(
-    change_v: Array,
-    time_s: Array,
-    run: NDArray[np.intp],
-    noise_v: float,
-    columns: Array,
-    traces: Array,
-    contacts: Array,
-    criteria: Criteria,
-    doubt: float = 0.0,
-) -> tuple[tuple[Effect, ...], frozenset[int]]:
-    """What each contact did over the recording, from its rest frames, where they wander beyond noise and ``doubt``, or
-    settle together where nothing else is in doubt and no places recover; and the electrodes of those that settle.
-
-    ``run`` (R,) numbers the rest frames' runs between presses. A contact that is another one in every run has no path
-    that pressed frames could differ from: that is noise. Of fewer than five runs nothing tells the two apart, and a
-    contact that isn't the same in them drifts.
-    """
-    if len(change_v) < ENOUGH_RESTS:
-        return (), frozenset()
-    moved, error = _each_moved(change_v, noise_v, columns, traces)
-    surprise = np.sqrt(((moved / error) ** 2).mean(axis=0))
-    restless = [k for k in range(len(contacts)) if surprise[k] > criteria.clear_errors]
-    free = [trace @ trace.T for trace in traces]
-    rest = np.stack([c - p @ c for c, p in zip(change_v / noise_v, free, strict=True)])
-    designs = [columns - p @ columns for p in free]
-    # Places that recover settle too, and so does what has been taken off before.
-    found = {} if traces.any() or doubt else settling_contacts(rest, [d / noise_v for d in designs], time_s).path
-    settling = {k: _possible(p) for k, p in found.items() if _alike(moved[:, k] - p, error[:, k], criteria)}
-    paths = {
-        k: _smoothed(moved[:, k], error[:, k])
-        for k in wandering(rest, designs, traces.any(axis=1).sum(axis=1).tolist(), restless, doubt)
-        if wanders(*_by_run(moved[:, k], error[:, k], run), criteria)
-    }
-    # Read off the slope at the mean: where that leads to nothing or less, readings hardly show the contact.
-    paths = {k: path for k, path in paths.items() if path.min() > LEAST_LEFT - 1}
-    drifts = (_drift(k, contacts[k] * path, time_s) for k, path in sorted((settling | paths).items()))
-    return tuple(drifts), frozenset(settling)
-
-
-def _drift(electrode: int, ohm: Array, time_s: Array) -> Effect:
-    """A contact that leaves its resistance by ``ohm`` (R,) at times (R,)."""
-    path = {"electrode": electrode, "knot_s": tuple(time_s.tolist()), "ohm": tuple(ohm.tolist())}
-    return measured_as(Measured.CONTACT_PATH)().changed(path)
-
-
-def _possible(path: Array) -> Array:
-    """(R,) shares of a contact's resistance; where they would leave nothing of it, those of its conductance instead.
-
-    Where driven electrodes aren't read a contact shows by what its pad shunts alone, which goes with the conductance,
-    and may grow forty times; it is followed up to fifty.
-    """
-    return path if path.min() > LEAST_LEFT - 1 else 1 / np.maximum(1 - path, LEAST_LEFT) - 1
-
-
-def _each_moved(change_v: Array, noise_v: float, columns: Array, traces: Array) -> tuple[Array, Array]:
-    """(R,L+1) shares of contacts and sheet, all of them free, in the rest frames' changes (R,P), and their errors."""
-    moved, error = np.empty((2, len(change_v), columns.shape[1]))
-    for row, trace in enumerate(traces):
-        inverse = np.linalg.pinv(np.hstack([columns, trace]))[: columns.shape[1]]
-        moved[row], error[row] = inverse @ change_v[row], noise_v * np.sqrt((inverse**2).sum(axis=1))
-    return moved, error
-
-
-def _alike(off: Array, error: Array, criteria: Criteria) -> bool:
-    """Whether what two paths differ by, (R,), is not clearly more than their errors: a contact that also jumps from run
-    to run has no course."""
-    return float((off**2).sum()) <= criteria.clear_errors**2 * float((error**2).sum())
-
-
-def wandering(
-    change: Array, designs: Sequence[Array], taken: Sequence[int], restless: list[int], doubt: float = 0.0
-) -> list[int]:
-    """Which of the ``restless`` contacts explain the rest frames' changes (R,P), in units of the noise.
-
-    ``designs`` (R of (P,L+1)): each contact's column and, last, the whole sheet's; ``taken`` degrees of freedom gone
-    before. All of them where together they leave no more than chance would, few where those leave little; else
-    something other than contacts changed, which many of them would share out among themselves, and only those count
-    that explain much alone. None where less has changed than the chi-square ``doubt``, which errors of what was taken
-    off before may leave.
-    """
-
-    def excess(chosen: list[int]) -> float:
-        total = 0.0
-        for row, design, gone in zip(change, designs, taken, strict=True):
-            space = np.linalg.qr(design[:, [*chosen, -1]])[0]
-            total += float((row**2).sum() - ((space.T @ row) ** 2).sum()) - (len(row) - gone - space.shape[1])
-        return total
-
-    before = excess([])
-    if not restless or before <= doubt:
-        return []
-    alone = {k: before - excess([k]) for k in restless}
-    chance = SURELY * np.sqrt(2 * (change.size - sum(taken)))
-    if excess(restless) < min(chance, LEFT * before):
-        return restless
-    order = sorted(restless, key=lambda k: -alone[k])
-    for count in range(1, 1 + min(len(order), (designs[0].shape[1] - 1) // FEW_OF)):
-        if excess(order[:count]) < LEFT * before:
-            return sorted(order[:count])
-    return [k for k in restless if alone[k] > ALONE * before]
-
-
-def _by_run(path: Array, error: Array, run: NDArray[np.intp]) -> tuple[Array, Array]:
-    """Means of a path (R,) and their errors, run by run; as they are where there are too few runs."""
-    number, of, count = np.unique(run, return_inverse=True, return_counts=True)
-    if len(number) < ENOUGH_RESTS:
-        return path, error
-    mean = np.bincount(of, path) / count
-    return mean, np.sqrt(np.bincount(of, error**2)) / count
-
-
-def wanders(path: Array, error: Array, criteria: Criteria) -> bool:
-    """Whether a path (R,) seen with ``error`` (R,) goes from place to place rather than being anywhere every time.
-
-    By J. von Neumann's ratio, Ann. Math. Stat. 12, 367 (1941): half the mean square of the steps over the variance,
-    both without the error. White noise has 1, a random walk about 3 / (R + 1): half-way between is the limit, or where
-    white noise comes once in fifty if that is less.
-    """
-    count = len(path)
-    rarely = 1 - criteria.clear_errors * np.sqrt((count - 2) / (count**2 - 1))
-    noise = float((error**2).mean())
-    steps = 0.5 * float((np.diff(path) ** 2).mean()) - noise
-    return steps < min(0.5 * (1 + 3 / (count + 1)), rarely) * (float(path.var(ddof=1)) - noise)
-
-
-def _smoothed(path: Array, error: Array) -> Array:
-    """A random walk seen through noise, by the Kalman smoother, its step size from the path's own increments."""
-    least = 1e-4 * float(np.median(error)) ** 2
-    step = max(float(np.mean(np.diff(path) ** 2 - error[1:] ** 2 - error[:-1] ** 2)), least)
-    mean, variance = np.zeros(len(path)), np.zeros(len(path))
-    m, v = float(path[0]), float(error[0]) ** 2
-    for k, seen in enumerate(path):
-        if k:
-            v += step
-            gain = v / (v + error[k] ** 2)
-            m, v = m + gain * (seen - m), (1 - gain) * v
-        mean[k], variance[k] = m, v
-    for k in range(len(path) - 2, -1, -1):
-        back = variance[k] / (variance[k] + step)
-        mean[k] += back * (mean[k + 1] - mean[k])
-    return mean

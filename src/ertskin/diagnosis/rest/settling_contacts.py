@@ -24,11 +24,20 @@ FEW_OF = 2
 
 
 class Settling(NamedTuple):
-    """``path`` of each contact that settles, (R,) shares of its resistance; ``explained`` chi-square, nought if none
-    does."""
+    """``size`` of each contact that settles, the share of its resistance along the ``course`` (R,); ``explained``
+    chi-square, nought if none does."""
 
-    path: dict[int, Array]
+    size: dict[int, float]
+    course: Array
     explained: float
+
+    @property
+    def path(self) -> dict[int, Array]:
+        """(R,) shares of each contact's resistance."""
+        return {contact: size * self.course for contact, size in self.size.items()}
+
+
+NONE_SETTLES = Settling({}, np.zeros(0), 0.0)
 
 
 def settling_contacts(change: Array, designs: Sequence[Array], time_s: Array) -> Settling:
@@ -41,7 +50,7 @@ def settling_contacts(change: Array, designs: Sequence[Array], time_s: Array) ->
     """
     if not np.ptp(time_s) > 0 or change.shape[1] <= designs[0].shape[1]:
         # No course, or no number that contacts and sheet leave to tell them from anything else.
-        return Settling({}, 0.0)
+        return NONE_SETTLES
     found = [_along(change, designs, np.log1p(time_s / pace_s)) for pace_s in PACES_S]
     return max(found, key=lambda one: one.explained)
 
@@ -70,8 +79,8 @@ def _along(change: Array, designs: Sequence[Array], course: Array) -> Settling:
         chosen, explained, share = more, part, size_of
     freedom = count - 1 - len(chosen)
     if not chosen or total - explained > freedom + SURELY * np.sqrt(2 * freedom):
-        return Settling({}, 0.0)
-    return Settling({k: one * course for k, one in zip(chosen, share, strict=True)}, explained)
+        return NONE_SETTLES
+    return Settling(dict(zip(chosen, map(float, share), strict=True)), course, explained)
 
 
 def _explained(gram: Array, pull: Array, chosen: list[int]) -> tuple[float, Array]:

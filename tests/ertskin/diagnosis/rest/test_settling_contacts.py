@@ -6,12 +6,16 @@ import numpy as np
 import pytest
 
 from ertskin.diagnosis.criteria import DEFAULT
-from ertskin.diagnosis.rest.rest_frames import _contact_drift, _each_moved
-from ertskin.diagnosis.rest.settling_contacts import settling_contacts
+from ertskin.diagnosis.rest.settling_contacts import NONE_SETTLES, settling_contacts
+from ertskin.diagnosis.rest.wandering_contacts import _each_moved, contact_drift
 
 CONTACTS, NUMBERS, FRAMES = 8, 28, 13
 TIME_S = 40.0 * np.arange(FRAMES)
 COURSE = np.log1p(TIME_S / 60.0) - np.log1p(TIME_S / 60.0).mean()
+
+
+def unsolved(ohm: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    raise AssertionError("no contact settles far")
 
 
 def columns_of(rng: np.random.Generator) -> np.ndarray:
@@ -53,36 +57,44 @@ def test_what_no_contact_does_is_shared_out_among_none() -> None:
     rng = np.random.default_rng(3)
     change, columns = settled(3, {1: 6.0})
     change = change + np.outer(20 * COURSE, rng.standard_normal(NUMBERS) / np.sqrt(NUMBERS))
-    assert settling_contacts(change, [columns] * FRAMES, TIME_S) == ({}, 0.0)
+    assert settling_contacts(change, [columns] * FRAMES, TIME_S) is NONE_SETTLES
 
 
 def test_drifts_weaker_than_their_errors_are_found() -> None:
     change, columns = settled(9, {1: 4.5, 4: -4.5})
     traces = np.zeros((FRAMES, NUMBERS, 3))
-    given = (np.arange(FRAMES), 1.0, 100 * columns, traces, np.full(CONTACTS, 300.0), DEFAULT)
+    given = (np.arange(FRAMES), 1.0, 100 * columns, traces, np.full(CONTACTS, 300.0), DEFAULT, unsolved)
     moved, error = _each_moved(change, 1.0, 100 * columns, traces)
     assert (np.sqrt(((moved / error) ** 2).mean(axis=0))[:CONTACTS] < DEFAULT.clear_errors).all()
-    drifts, settling = _contact_drift(change, TIME_S, *given)
+    drifts, settling, usual_ohm = contact_drift(change, TIME_S, *given)
     assert [getattr(drift, "electrode", None) for drift in drifts] == [1, 4]
     assert settling == {1, 4}
+    assert usual_ohm == pytest.approx(300.0)
 
 
-def test_a_contact_that_grows_many_times_over_is_followed_by_its_conductance() -> None:
-    """Readings follow the conductance where only what the pad shunts is read."""
-    rng, size = np.random.default_rng(9), 0.85
-    columns, traces = columns_of(rng), np.zeros((FRAMES, NUMBERS, 3))
-    change = size * np.outer(COURSE, columns[:, 1]) + 0.02 * rng.standard_normal((FRAMES, NUMBERS))
-    given = (np.arange(FRAMES), 0.02, columns, traces, np.full(CONTACTS, 300.0), DEFAULT)
-    drifts, settling = _contact_drift(change, TIME_S, *given)
+@pytest.mark.parametrize(("size", "far"), [(0.05, False), (0.9, True)])
+def test_what_settles_far_is_solved_in_full(size: float, far: bool) -> None:
+    rng, traces, asked = np.random.default_rng(9), np.zeros((FRAMES, NUMBERS, 3)), []
+    columns = columns_of(rng)
+    change = size * (np.outer(COURSE, columns[:, 1]) + 0.02 * rng.standard_normal((FRAMES, NUMBERS)))
+
+    def scan_of(ohm: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        asked.append(ohm)
+        return columns[:, :CONTACTS] @ np.log(ohm / 300.0), columns[:, :CONTACTS]
+
+    given = (np.arange(FRAMES), 0.02 * size, columns, traces, np.full(CONTACTS, 300.0), DEFAULT, scan_of)
+    drifts, settling, usual_ohm = contact_drift(change, TIME_S, *given)
     assert settling == {1}
-    ohm = 300.0 + np.array(drifts[0].ohm)  # type: ignore[attr-defined]
-    assert (ohm > 0).all()
-    np.testing.assert_allclose(300.0 / ohm, 1 - size * COURSE, atol=0.1)
-    assert (1 + size * COURSE).min() < 0
+    path = np.array(drifts[0].ohm)  # type: ignore[attr-defined]
+    assert path.mean() == pytest.approx(0.0, abs=1e-6)
+    assert (np.diff(usual_ohm[1] + path) > 0).all()
+    assert (usual_ohm[1] + path > 0).all()
+    assert (usual_ohm[[0, 2, 3]] == 300.0).all()
+    assert bool(asked) == far
 
 
 def test_rest_frames_of_one_time_or_too_few_numbers_tell_nothing() -> None:
     change, columns = settled(0, {1: 6.0})
-    assert settling_contacts(change, [columns] * FRAMES, np.full(FRAMES, 3.0)) == ({}, 0.0)
+    assert settling_contacts(change, [columns] * FRAMES, np.full(FRAMES, 3.0)) is NONE_SETTLES
     few = slice(CONTACTS + 1)
-    assert settling_contacts(change[:, few], [columns[few]] * FRAMES, TIME_S) == ({}, 0.0)
+    assert settling_contacts(change[:, few], [columns[few]] * FRAMES, TIME_S) is NONE_SETTLES

@@ -1,0 +1,81 @@
+"""Contacts that grow or shrink many times over along a course: followed on the sheet solved in full.
+
+Where driven electrodes aren't read a contact shows by what its pad shunts, which is linear neither in its resistance
+nor in its logarithm: read off the slope at the mean, what grows tenfold seems to grow threefold, or to less than none.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+
+from ertskin.diagnosis.linear.calibration_vector import CONTACT_SPREAD
+from ertskin.diagnosis.rest.settling_contacts import Settling
+
+Array = NDArray[np.float64]
+ScanOf = Callable[[Array], tuple[Array, Array]]
+"""The scan (P,) of contacts (L,) in ohm, in units of the noise, and its derivatives (P,L) by their logarithms."""
+
+STATES = 12
+"""States along the course that are solved at most, the first close together; frames between are interpolated."""
+LEAST_BEGUN = 0.05
+"""Part of its resistance at the mean with which a contact begins at least, at either end of its path."""
+FARTHEST = 6.0
+"""Logarithm of a contact's resistance over that at the mean, beyond which none is tried."""
+
+
+def grown(settling: Settling, change: Array, level: Array, ohm: Array, scan_of: ScanOf) -> dict[int, Array]:
+    """(R,) resistances of the contacts that settle, over those in ``ohm`` (L,): what explains the rest frames' changes
+    (R,P), in units of the noise, best.
+
+    Resistances go along the course, from one end to the other. Of changes along ``level`` (P,), the whole sheet's,
+    nothing is asked: it may do anything in any frame.
+    """
+    which, unit = sorted(settling.size), level / np.linalg.norm(level)
+    way = (settling.course - settling.course.min()) / np.ptp(settling.course)
+    ways = np.unique(way)
+    state = ways[np.unique(np.geomspace(1, len(ways), STATES).round().astype(int)) - 1]
+    between = np.array([np.interp(way, state, one) for one in np.eye(len(state))]).T
+    between -= between.mean(axis=0)
+    wanted = change - change.mean(axis=0)
+    wanted -= np.outer(wanted @ unit, unit)
+
+    def part(ends: Array, along: Array) -> tuple[Array, Array]:
+        """(...,n) resistances over ``ohm`` part of the way, and the derivatives (...,2n) of their logarithms by those
+        of both ends."""
+        first, last = np.split(np.exp(ends), 2)
+        shares = (1 - along) * first, along * last
+        return shares[0] + shares[1], np.hstack(shares) / np.tile(shares[0] + shares[1], 2)
+
+    @lru_cache(maxsize=1)
+    def solved(ends: tuple[float, ...]) -> tuple[Array, Array]:
+        """Changes (R,P) and their derivatives (R,P,2n) by the logarithms of both ends."""
+        scans, slopes = [], []
+        for along in state:
+            contacts = ohm.copy()
+            relative, by_ends = part(np.array(ends), along)
+            contacts[which] *= relative
+            scan, slope = scan_of(contacts)
+            scans.append(scan - unit * (unit @ scan))
+            uneven = slope[:, which] - np.outer(unit, unit @ slope[:, which])
+            slopes.append(np.tile(uneven, 2) * by_ends)
+        return between @ np.array(scans), np.tensordot(between, np.array(slopes), 1)
+
+    def residual(ends: Array) -> Array:
+        # What the readings hardly tell stays where it is.
+        return np.append(wanted - solved(tuple(ends))[0], ends / CONTACT_SPREAD)
+
+    def slope(ends: Array) -> Array:
+        by = solved(tuple(ends))[1].reshape(-1, len(ends))
+        return np.vstack([-by, np.eye(len(ends)) / CONTACT_SPREAD])
+
+    size = np.array([settling.size[k] for k in which])
+    ends = [1 + size * end for end in (settling.course.min(), settling.course.max())]
+    begun = np.log(np.maximum(np.concatenate(ends), LEAST_BEGUN))
+    found = least_squares(residual, begun, slope, bounds=(-FARTHEST, FARTHEST), max_nfev=20)
+    relative = np.array([part(found.x, along)[0] for along in way])
+    return dict(zip(which, relative.T, strict=True))

@@ -1,0 +1,196 @@
+"""Contacts that wander from frame to frame, or settle together, while nothing presses."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ertskin.diagnosis.criteria import Criteria
+from ertskin.diagnosis.rest.growing_contacts import ScanOf, grown
+from ertskin.diagnosis.rest.settling_contacts import NONE_SETTLES, Settling, settling_contacts
+from ertskin.physics.effects.effect import Effect
+from ertskin.physics.effects.hypothesis import Measured
+from ertskin.physics.effects.registry import measured_as
+
+Array = NDArray[np.float64]
+
+LEAST_LEFT = 0.02
+"""Part of a contact's mean resistance that a path must leave of it."""
+NEAR = 0.3
+"""Share of a contact's resistance up to which its path is read off the slope at the mean."""
+ENOUGH_RESTS = 5
+LEFT, ALONE = 0.2, 0.3
+"""Parts of what changes between rest frames: left by all restless contacts, explained by one."""
+FEW_OF = 4
+"""Of so many contacts one, at least, makes few of them."""
+SURELY = 5.0
+"""Standard deviations of chance above which more than the contacts has changed."""
+
+
+class Drifting(NamedTuple):
+    """Paths of contacts as ``effects``, those of electrodes ``settling`` settle together, and what all the contacts
+    (L,) have without them."""
+
+    effects: tuple[Effect, ...]
+    settling: frozenset[int]
+    usual_ohm: Array
+
+
+def contact_drift(
+    change_v: Array,
+    time_s: Array,
+    run: NDArray[np.intp],
+    noise_v: float,
+    columns: Array,
+    traces: Array,
+    contacts: Array,
+    criteria: Criteria,
+    scan_of: ScanOf,
+    doubt: float = 0.0,
+) -> Drifting:
+    """What each contact did over the recording, from its rest frames, where they wander beyond noise and ``doubt``, or
+    settle together where nothing else is in doubt and no places recover.
+
+    ``run`` (R,) numbers the rest frames' runs between presses. A contact that is another one in every run has no path
+    that pressed frames could differ from: that is noise. Of fewer than five runs nothing tells the two apart, and a
+    contact that isn't the same in them drifts. ``scan_of`` contacts in ohm, in volt: one that settles far is followed
+    on the sheet solved in full.
+    """
+    if len(change_v) < ENOUGH_RESTS:
+        return Drifting((), frozenset(), contacts)
+    moved, error = _each_moved(change_v, noise_v, columns, traces)
+    surprise = np.sqrt(((moved / error) ** 2).mean(axis=0))
+    restless = [k for k in range(len(contacts)) if surprise[k] > criteria.clear_errors]
+    free = [trace @ trace.T for trace in traces]
+    rest = np.stack([c - p @ c for c, p in zip(change_v / noise_v, free, strict=True)])
+    designs = [columns - p @ columns for p in free]
+    # Places that recover settle too, and so does what has been taken off before.
+    doubtful = traces.any() or doubt
+    found = NONE_SETTLES if doubtful else settling_contacts(rest, [d / noise_v for d in designs], time_s)
+    alike = {k: found.size[k] for k, p in found.path.items() if _alike(moved[:, k] - p, error[:, k], criteria)}
+    settled_ohm = _followed(found._replace(size=alike), rest, columns[:, -1], contacts, noise_v, scan_of)
+    usual_ohm = contacts.copy()
+    usual_ohm[list(settled_ohm)] = [ohm.mean() for ohm in settled_ohm.values()]
+    paths = {
+        k: _smoothed(moved[:, k], error[:, k])
+        for k in wandering(rest, designs, traces.any(axis=1).sum(axis=1).tolist(), restless, doubt)
+        if wanders(*_by_run(moved[:, k], error[:, k], run), criteria)
+    }
+    # Read off the slope at the mean: where that leads to nothing or less, readings hardly show the contact.
+    paths = {k: path for k, path in paths.items() if path.min() > LEAST_LEFT - 1}
+    drift_ohm = {k: usual_ohm[k] * path for k, path in paths.items()}
+    drift_ohm |= {k: ohm - usual_ohm[k] for k, ohm in settled_ohm.items()}
+    effects = (_drift(k, ohm, time_s) for k, ohm in sorted(drift_ohm.items()))
+    return Drifting(tuple(effects), frozenset(settled_ohm), usual_ohm)
+
+
+def _followed(
+    settling: Settling, change: Array, level: Array, ohm: Array, noise_v: float, scan_of: ScanOf
+) -> dict[int, Array]:
+    """(R,) ohm of each contact that settles: off the slope at the mean where none goes far."""
+    if all(np.abs(path).max() < NEAR for path in settling.path.values()):
+        return {k: ohm[k] * (1 + path) for k, path in settling.path.items()}
+
+    def scaled(contacts: Array) -> tuple[Array, Array]:
+        scan, slope = scan_of(contacts)
+        return scan / noise_v, slope / noise_v
+
+    return {k: ohm[k] * relative for k, relative in grown(settling, change, level, ohm, scaled).items()}
+
+
+def _drift(electrode: int, ohm: Array, time_s: Array) -> Effect:
+    """A contact that leaves its resistance by ``ohm`` (R,) at times (R,)."""
+    path = {"electrode": electrode, "knot_s": tuple(time_s.tolist()), "ohm": tuple(ohm.tolist())}
+    return measured_as(Measured.CONTACT_PATH)().changed(path)
+
+
+def _each_moved(change_v: Array, noise_v: float, columns: Array, traces: Array) -> tuple[Array, Array]:
+    """(R,L+1) shares of contacts and sheet, all of them free, in the rest frames' changes (R,P), and their errors."""
+    moved, error = np.empty((2, len(change_v), columns.shape[1]))
+    for row, trace in enumerate(traces):
+        inverse = np.linalg.pinv(np.hstack([columns, trace]))[: columns.shape[1]]
+        moved[row], error[row] = inverse @ change_v[row], noise_v * np.sqrt((inverse**2).sum(axis=1))
+    return moved, error
+
+
+def _alike(off: Array, error: Array, criteria: Criteria) -> bool:
+    """Whether what two paths differ by, (R,), is not clearly more than their errors: a contact that also jumps from run
+    to run has no course."""
+    return float((off**2).sum()) <= criteria.clear_errors**2 * float((error**2).sum())
+
+
+def wandering(
+    change: Array, designs: Sequence[Array], taken: Sequence[int], restless: list[int], doubt: float = 0.0
+) -> list[int]:
+    """Which of the ``restless`` contacts explain the rest frames' changes (R,P), in units of the noise.
+
+    ``designs`` (R of (P,L+1)): each contact's column and, last, the whole sheet's; ``taken`` degrees of freedom gone
+    before. All of them where together they leave no more than chance would, few where those leave little; else
+    something other than contacts changed, which many of them would share out among themselves, and only those count
+    that explain much alone. None where less has changed than the chi-square ``doubt``, which errors of what was taken
+    off before may leave.
+    """
+
+    def excess(chosen: list[int]) -> float:
+        total = 0.0
+        for row, design, gone in zip(change, designs, taken, strict=True):
+            space = np.linalg.qr(design[:, [*chosen, -1]])[0]
+            total += float((row**2).sum() - ((space.T @ row) ** 2).sum()) - (len(row) - gone - space.shape[1])
+        return total
+
+    before = excess([])
+    if not restless or before <= doubt:
+        return []
+    alone = {k: before - excess([k]) for k in restless}
+    chance = SURELY * np.sqrt(2 * (change.size - sum(taken)))
+    if excess(restless) < min(chance, LEFT * before):
+        return restless
+    order = sorted(restless, key=lambda k: -alone[k])
+    for count in range(1, 1 + min(len(order), (designs[0].shape[1] - 1) // FEW_OF)):
+        if excess(order[:count]) < LEFT * before:
+            return sorted(order[:count])
+    return [k for k in restless if alone[k] > ALONE * before]
+
+
+def _by_run(path: Array, error: Array, run: NDArray[np.intp]) -> tuple[Array, Array]:
+    """Means of a path (R,) and their errors, run by run; as they are where there are too few runs."""
+    number, of, count = np.unique(run, return_inverse=True, return_counts=True)
+    if len(number) < ENOUGH_RESTS:
+        return path, error
+    mean = np.bincount(of, path) / count
+    return mean, np.sqrt(np.bincount(of, error**2)) / count
+
+
+def wanders(path: Array, error: Array, criteria: Criteria) -> bool:
+    """Whether a path (R,) seen with ``error`` (R,) goes from place to place rather than being anywhere every time.
+
+    By J. von Neumann's ratio, Ann. Math. Stat. 12, 367 (1941): half the mean square of the steps over the variance,
+    both without the error. White noise has 1, a random walk about 3 / (R + 1): half-way between is the limit, or where
+    white noise comes once in fifty if that is less.
+    """
+    count = len(path)
+    rarely = 1 - criteria.clear_errors * np.sqrt((count - 2) / (count**2 - 1))
+    noise = float((error**2).mean())
+    steps = 0.5 * float((np.diff(path) ** 2).mean()) - noise
+    return steps < min(0.5 * (1 + 3 / (count + 1)), rarely) * (float(path.var(ddof=1)) - noise)
+
+
+def _smoothed(path: Array, error: Array) -> Array:
+    """A random walk seen through noise, by the Kalman smoother, its step size from the path's own increments."""
+    least = 1e-4 * float(np.median(error)) ** 2
+    step = max(float(np.mean(np.diff(path) ** 2 - error[1:] ** 2 - error[:-1] ** 2)), least)
+    mean, variance = np.zeros(len(path)), np.zeros(len(path))
+    m, v = float(path[0]), float(error[0]) ** 2
+    for k, seen in enumerate(path):
+        if k:
+            v += step
+            gain = v / (v + error[k] ** 2)
+            m, v = m + gain * (seen - m), (1 - gain) * v
+        mean[k], variance[k] = m, v
+    for k in range(len(path) - 2, -1, -1):
+        back = variance[k] / (variance[k] + step)
+        mean[k] += back * (mean[k + 1] - mean[k])
+    return mean
