@@ -14,7 +14,7 @@ from ertskin.diagnosis.linear.calibration_vector import CONTACT_SPREAD
 from ertskin.diagnosis.linear.sensitivity import sheet_sensitivity, whitening_of_transfer
 from ertskin.diagnosis.recording.evidence import Evidence
 from ertskin.diagnosis.rest.settling_contacts import settling_contacts
-from ertskin.diagnosis.rest.wandering_contacts import ENOUGH_RESTS, contact_drift
+from ertskin.diagnosis.rest.wandering_contacts import ENOUGH_RESTS, contact_drift, each_moved
 from ertskin.diagnosis.rest.warmth import RestWarmth, warmth_at_rest
 from ertskin.physics.effects.effect import Effect
 from ertskin.physics.history import History
@@ -203,9 +203,11 @@ def _undisturbed_mean(scans: Array, columns: Array, traces: Array) -> Array:
     """(P,) mean of the rest frames (R,P), each counted in the directions its ``traces`` leave alone.
 
     What contacts and the whole sheet do from frame to frame is levelled first: no two directions then mean other times.
+    Levelled to where frames that tell a contact well have it: next to a place not yet recovered a frame hardly does.
     """
-    moved = _shares(scans - scans.mean(axis=0), columns, traces)[0]
-    level = scans - (moved - moved.mean(axis=0))
+    share, error = each_moved(scans - scans.mean(axis=0), 1.0, columns, traces)
+    usual = (share / error**2).sum(axis=0) / (error**-2).sum(axis=0)
+    level = scans - (share - usual) @ columns.T
     free = [np.eye(scans.shape[1]) - trace @ trace.T for trace in traces]
     total = np.einsum("rpq,rq->p", free, level, optimize=True)
     return np.asarray(np.linalg.lstsq(np.sum(free, axis=0), total, rcond=1e-6)[0])

@@ -61,7 +61,7 @@ def contact_drift(
     """
     if len(change_v) < ENOUGH_RESTS:
         return Drifting((), frozenset(), contacts)
-    moved, error = _each_moved(change_v, noise_v, columns, traces)
+    moved, error = each_moved(change_v, noise_v, columns, traces)
     surprise = np.sqrt(((moved / error) ** 2).mean(axis=0))
     restless = [k for k in range(len(contacts)) if surprise[k] > criteria.clear_errors]
     free = [trace @ trace.T for trace in traces]
@@ -107,7 +107,7 @@ def _drift(electrode: int, ohm: Array, time_s: Array) -> Effect:
     return measured_as(Measured.CONTACT_PATH)().changed(path)
 
 
-def _each_moved(change_v: Array, noise_v: float, columns: Array, traces: Array) -> tuple[Array, Array]:
+def each_moved(change_v: Array, noise_v: float, columns: Array, traces: Array) -> tuple[Array, Array]:
     """(R,L+1) shares of contacts and sheet, all of them free, in the rest frames' changes (R,P), and their errors."""
     moved, error = np.empty((2, len(change_v), columns.shape[1]))
     for row, trace in enumerate(traces):
@@ -169,13 +169,17 @@ def wanders(path: Array, error: Array, criteria: Criteria) -> bool:
 
     By J. von Neumann's ratio, Ann. Math. Stat. 12, 367 (1941): half the mean square of the steps over the variance,
     both without the error. White noise has 1, a random walk about 3 / (R + 1): half-way between is the limit, or where
-    white noise comes once in fifty if that is less.
+    white noise comes once in fifty if that is less. Of frames that tell the contact unevenly well each counts in its
+    own errors.
     """
     count = len(path)
     rarely = 1 - criteria.clear_errors * np.sqrt((count - 2) / (count**2 - 1))
-    noise = float((error**2).mean())
-    steps = 0.5 * float((np.diff(path) ** 2).mean()) - noise
-    return steps < min(0.5 * (1 + 3 / (count + 1)), rarely) * (float(path.var(ddof=1)) - noise)
+    # A frame that hardly tells the contact goes nowhere by itself.
+    usual = float(error.mean())
+    relative = error / usual if usual > 0 else np.ones(count)
+    seen = (path - np.average(path, weights=relative**-2)) / relative
+    steps = 0.5 * float((np.diff(seen) ** 2).mean()) - usual**2
+    return steps < min(0.5 * (1 + 3 / (count + 1)), rarely) * (float(seen.var(ddof=1)) - usual**2)
 
 
 def _smoothed(path: Array, error: Array) -> Array:

@@ -16,6 +16,7 @@ from ertskin.diagnosis.rest.rest_frames import (
     _undisturbed_mean,
     fitted_at_rest,
 )
+from ertskin.diagnosis.rest.wandering_contacts import contact_drift
 from ertskin.hardware.virtual.bench.nominal import nominal_sensor
 from ertskin.physics.effects.sheet_anisotropy import SheetAnisotropy
 from ertskin.physics.history import History
@@ -27,6 +28,10 @@ CONTACTS, NUMBERS, FRAMES = 8, 60, 30
 PATH = np.linspace(-1.0, 1.0, FRAMES) ** 3
 EACH = np.arange(FRAMES)
 """Runs of one rest frame each."""
+
+
+def unsolved(ohm: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    raise AssertionError("no contact settles far")
 
 
 def columns_and_traces(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
@@ -58,6 +63,21 @@ def test_the_undisturbed_mean_knows_neither_creep_nor_drift() -> None:
     assert np.linalg.norm(outside @ (found - truth)) < 0.1 * np.linalg.norm(outside @ (mean - truth))
     own, place = _shares(scans - truth, columns, traces)
     np.testing.assert_allclose(own + place, scans - truth, atol=1e-9)
+
+
+def test_the_mean_has_a_contact_where_the_frames_that_tell_it_have_it() -> None:
+    """Places not recovered next to an electrode change the readings as its contact would, in the last frames alone."""
+    rng = np.random.default_rng(12)
+    columns = rng.standard_normal((NUMBERS, CONTACTS + 1))
+    traces = np.zeros((FRAMES, NUMBERS, 1))
+    traces[-3:, :, 0] = columns[:, 0] + 0.1 * rng.standard_normal((3, NUMBERS))
+    traces[-3:] /= np.linalg.norm(traces[-3:], axis=1, keepdims=True)
+    scans = 0.01 * rng.standard_normal((FRAMES, NUMBERS)) + 5.0 * traces[..., 0]
+    share = np.linalg.lstsq(columns, _undisturbed_mean(scans, columns, traces), rcond=None)[0]
+    assert np.abs(share).max() < 0.01
+    frame, contacts = np.arange(FRAMES), np.full(CONTACTS, 300.0)
+    given = 0.01, columns, traces, contacts, DEFAULT, unsolved
+    assert contact_drift(scans - columns @ share, 1.0 * frame, frame, *given).effects == ()
 
 
 def test_white_noise_has_no_excess_in_any_direction() -> None:

@@ -7,7 +7,7 @@ import pytest
 
 from ertskin.diagnosis.criteria import DEFAULT
 from ertskin.diagnosis.rest.settling_contacts import NONE_SETTLES, settling_contacts
-from ertskin.diagnosis.rest.wandering_contacts import _each_moved, contact_drift
+from ertskin.diagnosis.rest.wandering_contacts import contact_drift, each_moved
 
 CONTACTS, NUMBERS, FRAMES = 8, 28, 13
 TIME_S = 40.0 * np.arange(FRAMES)
@@ -64,7 +64,7 @@ def test_drifts_weaker_than_their_errors_are_found() -> None:
     change, columns = settled(9, {1: 4.5, 4: -4.5})
     traces = np.zeros((FRAMES, NUMBERS, 3))
     given = (np.arange(FRAMES), 1.0, 100 * columns, traces, np.full(CONTACTS, 300.0), DEFAULT, unsolved)
-    moved, error = _each_moved(change, 1.0, 100 * columns, traces)
+    moved, error = each_moved(change, 1.0, 100 * columns, traces)
     assert (np.sqrt(((moved / error) ** 2).mean(axis=0))[:CONTACTS] < DEFAULT.clear_errors).all()
     drifts, settling, usual_ohm = contact_drift(change, TIME_S, *given)
     assert [getattr(drift, "electrode", None) for drift in drifts] == [1, 4]

@@ -117,6 +117,17 @@ def test_a_walk_is_distinguished_from_noise() -> None:
         assert np.mean([wanders(np.cumsum(rng.standard_normal(count)), error, DEFAULT) for _ in range(500)]) > least
 
 
+def test_frames_that_hardly_tell_a_contact_make_no_walk() -> None:
+    rng = np.random.default_rng(13)
+    error = np.where(np.arange(40) < 36, 0.01, 0.3)
+    walks = [
+        wanders(0.02 * rng.standard_normal(40) + error * rng.standard_normal(40), error, DEFAULT) for _ in range(500)
+    ]
+    assert np.mean(walks) < 0.04
+    climbing = np.linspace(-0.1, 0.1, 40)
+    assert np.mean([wanders(climbing + error * rng.standard_normal(40), error, DEFAULT) for _ in range(200)]) > 0.9
+
+
 def test_a_contact_that_changes_from_press_to_press_does_not_drift() -> None:
     rng = np.random.default_rng(9)
     columns, traces = columns_and_traces(rng)
