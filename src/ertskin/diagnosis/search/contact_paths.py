@@ -38,21 +38,21 @@ def changed_by(problem: VoltageProblem, solved: Solved, effects: Sequence[Effect
 
 
 def as_good_at_rest(without: CheckedFit, beside: CheckedFit) -> bool:
-    """Whether rest frames are explained ``without`` paths of contacts as well as ``beside`` them.
+    """Whether what changes between rest frames is explained ``without`` paths of contacts as well as ``beside`` them.
 
-    Not where they then fit materially worse, nor where most of what the paths do there, and significantly much beyond
+    Not where materially more is left then, nor where most of what the paths do there, and significantly much beyond
     chance, isn't done by anything else: a contact that settles may be sure and change hardly anything.
     """
     criteria = beside.problem.evidence.criteria
-    left, kept = _at_rest(without, without.solved.scan_residual), _at_rest(beside, beside.solved.scan_residual)
+    left, kept = (_at_rest(fit, fit.solved.scan_residual) for fit in (without, beside))
     rise, noise = float((left**2).sum() - (kept**2).sum()), max(1.0, float((kept**2).mean())) if kept.size else 1.0
     if rise > (criteria.chance_ratio**2 - 1) * float((kept**2).sum()):
         return False
     done = _at_rest(beside, changed_by(beside.problem, beside.solved, paths_of(beside.solved)))
-    uneven = float(((done - done.mean(axis=0)) ** 2).sum())
-    return rise < max(2 * criteria.significant_gain * noise, criteria.most_share * uneven)
+    return rise < max(2 * criteria.significant_gain * noise, criteria.most_share * float((done**2).sum()))
 
 
-def _at_rest(fit: CheckedFit, changes: Array) -> Array:
-    """Changes (T,P) of the frames fitted in which nothing presses."""
-    return changes[fit.problem.evidence.rest & (fit.problem.weight > 0)]
+def _at_rest(fit: CheckedFit, scans: Array) -> Array:
+    """(R,P) what changes of scans (T,P) from one rest frame fitted to the next: what stands is the calibration's."""
+    resting = scans[fit.problem.evidence.rest & (fit.problem.weight > 0)]
+    return resting - resting.mean(axis=0) if len(resting) else resting
