@@ -8,6 +8,7 @@ from ertskin.physics.conduction.mesh import Grading
 from ertskin.physics.conduction.sheet import Resolution
 from ertskin.physics.history import History, Phase
 from ertskin.physics.piezo.polynomial import PiezoPolynomial
+from ertskin.physics.protocol import Protocol
 from ertskin.physics.sensor import Layer, Sensor, rectangle_m
 
 SMALL = Resolution(2, Grading(cell_m=6e-3, rim_m=2e-3, growth=2.0))
@@ -57,3 +58,13 @@ def two_presses() -> History:
     contact_m = np.where(np.isfinite(depth_m)[:, None], place, np.nan)[:, None]
     nowhere = np.full((len(press), 1), np.nan)
     return History(5.0 * np.arange(9), press, np.array(phase, dtype=np.uint8), contact_m, depth_m[:, None], nowhere)
+
+
+def undriven() -> Protocol:
+    """Every pair drives, neighbours are read, none of them at a driven electrode."""
+    driving = np.stack(np.triu_indices(len(CENTERS), 1), axis=1)
+    reading = np.stack([np.arange(len(CENTERS)), np.roll(np.arange(len(CENTERS)), -1)], axis=1)
+    current_a = np.eye(len(CENTERS))[driving[:, 0]] - np.eye(len(CENTERS))[driving[:, 1]]
+    apart = ~(driving[:, None, :, None] == reading[None, :, None, :]).any(axis=(2, 3))
+    scan = Protocol.differences(1e-3 * current_a, reading)
+    return Protocol(scan.injection_current_a, scan.measurement, measured=apart)

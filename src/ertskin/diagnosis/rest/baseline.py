@@ -84,9 +84,10 @@ def calibrated(recording: Recording, evidence: Evidence, resolution: str = "fine
     at_rest = rested(built, evidence)
     skin = at_rest.skin
     displaced = displaced_pad(skin, at_rest.scan_v, at_rest.scan_noise_v, at_rest.misfit, evidence.criteria, resolution)
-    skin = replace(skin, effects=at_rest.drift)
+    drifting = at_rest.drifting
+    skin = replace(skin, effects=drifting.effects, contact_resistance_ohm=drifting.usual_ohm)
     if best is not None:
-        skin = replace(skin, pad_n_per_m=best.pad_n_per_m, effects=(*best.foam, *at_rest.drift))
+        skin = replace(skin, pad_n_per_m=best.pad_n_per_m, effects=(*best.foam, *drifting.effects))
     signal, findings = _specimen(recording, law, evidence)
     return Baseline(
         skin=skin,
@@ -99,7 +100,7 @@ def calibrated(recording: Recording, evidence: Evidence, resolution: str = "fine
         specimen_findings=findings,
         displaced=displaced,
         noise=at_rest.noise,
-        settling=at_rest.settling,
+        settling=drifting.settling,
         traces=at_rest.traces,
         warmth=at_rest.warmth,
     )

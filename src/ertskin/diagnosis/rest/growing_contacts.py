@@ -28,21 +28,21 @@ FARTHEST = 6.0
 """Logarithm of a contact's resistance over that at the mean, beyond which none is tried."""
 
 
-def grown(settling: Settling, change: Array, level: Array, ohm: Array, scan_of: ScanOf) -> dict[int, Array]:
+def grown(
+    settling: Settling, change: Array, level: Array, ohm: Array, scan_of: ScanOf
+) -> tuple[dict[int, Array], Array]:
     """(R,) resistances of the contacts that settle, over those in ``ohm`` (L,): what explains the rest frames' changes
-    (R,P), in units of the noise, best.
+    (R,P) from the scan with those, in units of the noise, best; and the changes that they make.
 
-    Resistances go along the course, from one end to the other. Of changes along ``level`` (P,), the whole sheet's,
-    nothing is asked: it may do anything in any frame.
+    Resistances go along the course, from one end to the other; all other contacts stay. Of changes along ``level``
+    (P,), the whole sheet's, nothing is asked: it may do anything in any frame.
     """
     which, unit = sorted(settling.size), level / np.linalg.norm(level)
     way = (settling.course - settling.course.min()) / np.ptp(settling.course)
     ways = np.unique(way)
     state = ways[np.unique(np.geomspace(1, len(ways), STATES).round().astype(int)) - 1]
     between = np.array([np.interp(way, state, one) for one in np.eye(len(state))]).T
-    between -= between.mean(axis=0)
-    wanted = change - change.mean(axis=0)
-    wanted -= np.outer(wanted @ unit, unit)
+    wanted, still = change - np.outer(change @ unit, unit), _uneven(scan_of(ohm)[0], unit)
 
     def part(ends: Array, along: Array) -> tuple[Array, Array]:
         """(...,n) resistances over ``ohm`` part of the way, and the derivatives (...,2n) of their logarithms by those
@@ -60,9 +60,8 @@ def grown(settling: Settling, change: Array, level: Array, ohm: Array, scan_of: 
             relative, by_ends = part(np.array(ends), along)
             contacts[which] *= relative
             scan, slope = scan_of(contacts)
-            scans.append(scan - unit * (unit @ scan))
-            uneven = slope[:, which] - np.outer(unit, unit @ slope[:, which])
-            slopes.append(np.tile(uneven, 2) * by_ends)
+            scans.append(_uneven(scan, unit) - still)
+            slopes.append(np.tile(_uneven(slope[:, which], unit), 2) * by_ends)
         return between @ np.array(scans), np.tensordot(between, np.array(slopes), 1)
 
     def residual(ends: Array) -> Array:
@@ -78,4 +77,9 @@ def grown(settling: Settling, change: Array, level: Array, ohm: Array, scan_of: 
     begun = np.log(np.maximum(np.concatenate(ends), LEAST_BEGUN))
     found = least_squares(residual, begun, slope, bounds=(-FARTHEST, FARTHEST), max_nfev=20)
     relative = np.array([part(found.x, along)[0] for along in way])
-    return dict(zip(which, relative.T, strict=True))
+    return dict(zip(which, relative.T, strict=True)), solved(tuple(found.x))[0]
+
+
+def _uneven(scan: Array, unit: Array) -> Array:
+    """A scan or derivatives (P,...) without what goes along the ``unit`` vector (P,)."""
+    return np.asarray(scan - np.multiply.outer(unit, unit @ scan))

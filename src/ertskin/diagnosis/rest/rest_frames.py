@@ -14,9 +14,8 @@ from ertskin.diagnosis.linear.calibration_vector import CONTACT_SPREAD
 from ertskin.diagnosis.linear.sensitivity import sheet_sensitivity, whitening_of_transfer
 from ertskin.diagnosis.recording.evidence import Evidence
 from ertskin.diagnosis.rest.settling_contacts import settling_contacts
-from ertskin.diagnosis.rest.wandering_contacts import ENOUGH_RESTS, contact_drift, each_moved
+from ertskin.diagnosis.rest.wandering_contacts import ENOUGH_RESTS, Drifting, contact_drift, each_moved
 from ertskin.diagnosis.rest.warmth import RestWarmth, warmth_at_rest
-from ertskin.physics.effects.effect import Effect
 from ertskin.physics.history import History
 from ertskin.physics.sensor import Sensor
 from ertskin.physics.skin import TAIL, Skin
@@ -52,17 +51,15 @@ CHANCES, RARELY = 400, 0.01
 class Rested:
     """``skin`` calibrated to the mean resting scan ``scan_v`` (P,) with noise ``scan_noise_v``, which left ``misfit``.
 
-    ``drift`` contacts that wander, of which those of electrodes ``settling`` do so together; ``noise`` of whitened
-    scans; ``traces`` (T,P,m) what the evidence leaves out; ``warmth`` name of the effect that warms the sheet, if the
-    frames clearly show one.
+    ``drifting`` contacts that wander, with what all have besides; ``noise`` of whitened scans; ``traces`` (T,P,m) what
+    the evidence leaves out; ``warmth`` name of the effect that warms the sheet, if the frames clearly show one.
     """
 
     skin: Skin
     scan_v: Array
     scan_noise_v: float
     misfit: float
-    drift: tuple[Effect, ...]
-    settling: frozenset[int]
+    drifting: Drifting
     noise: Noise
     traces: Array
     warmth: str | None
@@ -90,11 +87,9 @@ def rested(skin: Skin, evidence: Evidence) -> Rested:
     criteria, doubt = evidence.criteria, warmth.doubt
     given = evidence.noise_v, columns, traces, contacts, criteria, partial(_scan_at_rest, skin), doubt
     drifting = contact_drift(scans - mean, time_s, run, *given)
-    skin = replace(skin, contact_resistance_ohm=drifting.usual_ohm)
     noise = _scatter(clean, run, columns, (evidence.noise_v, evidence.leftover_error), criteria)
     left_out = every[..., : traces.shape[2]]
-    found = drifting.effects, drifting.settling
-    return Rested(skin, mean, mean_noise_v, misfit, *found, noise, left_out, warmth.name)
+    return Rested(skin, mean, mean_noise_v, misfit, drifting, noise, left_out, warmth.name)
 
 
 def _settled(scans: Array, evidence: Evidence, good: NDArray[np.bool_], columns: Array, traces: Array) -> float:
@@ -202,8 +197,8 @@ def _needed(traces: Array, change: Array, columns: Array, noise_v: float) -> Arr
 def _undisturbed_mean(scans: Array, columns: Array, traces: Array) -> Array:
     """(P,) mean of the rest frames (R,P), each counted in the directions its ``traces`` leave alone.
 
-    What contacts and the whole sheet do from frame to frame is levelled first: no two directions then mean other times.
-    Levelled to where frames that tell a contact well have it: next to a place not yet recovered a frame hardly does.
+    What contacts and the whole sheet do from frame to frame is levelled first, each to where the frames that tell it
+    well have it: next to a place not yet recovered a frame hardly tells a contact.
     """
     share, error = each_moved(scans - scans.mean(axis=0), 1.0, columns, traces)
     usual = (share / error**2).sum(axis=0) / (error**-2).sum(axis=0)

@@ -26,6 +26,11 @@ LEFT, ALONE = 0.2, 0.3
 """Parts of what changes between rest frames: left by all restless contacts, explained by one."""
 FEW_OF = 4
 """Of so many contacts one, at least, makes few of them."""
+HARDLY, FEWEST = 3.0, 3
+"""Times the error of the frames that tell a contact well from which on one hardly does; fewest frames that go
+anywhere."""
+CURVED = 0.5
+"""Part of the mean square of a far path by which its course may be off before the sheet is solved."""
 SURELY = 5.0
 """Standard deviations of chance above which more than the contacts has changed."""
 
@@ -70,8 +75,7 @@ def contact_drift(
     # Places that recover settle too, and so does what has been taken off before.
     doubtful = traces.any() or doubt
     found = NONE_SETTLES if doubtful else settling_contacts(rest, [d / noise_v for d in designs], time_s)
-    alike = {k: found.size[k] for k, p in found.path.items() if _alike(moved[:, k] - p, error[:, k], criteria)}
-    settled_ohm = _followed(found._replace(size=alike), rest, columns[:, -1], contacts, noise_v, scan_of)
+    settled_ohm = _settled_ohm(found, change_v, (moved, error), columns, contacts, noise_v, scan_of, criteria)
     usual_ohm = contacts.copy()
     usual_ohm[list(settled_ohm)] = [ohm.mean() for ohm in settled_ohm.values()]
     paths = {
@@ -87,18 +91,40 @@ def contact_drift(
     return Drifting(tuple(effects), frozenset(settled_ohm), usual_ohm)
 
 
-def _followed(
-    settling: Settling, change: Array, level: Array, ohm: Array, noise_v: float, scan_of: ScanOf
+def _settled_ohm(
+    found: Settling,
+    change_v: Array,
+    seen: tuple[Array, Array],
+    columns: Array,
+    ohm: Array,
+    noise_v: float,
+    scan_of: ScanOf,
+    criteria: Criteria,
 ) -> dict[int, Array]:
-    """(R,) ohm of each contact that settles: off the slope at the mean where none goes far."""
-    if all(np.abs(path).max() < NEAR for path in settling.path.values()):
-        return {k: ohm[k] * (1 + path) for k, path in settling.path.items()}
+    """(R,) ohm of each contact that settles and has no other way about its course, by what was ``seen`` of each, with
+    errors: off the slope at the mean where none goes far; else on the sheet solved in full, and none if one that goes
+    far has another way, for then the others may only mend its course."""
+    moved, error = seen
+
+    def alike(off: Array) -> list[int]:
+        return [k for k in found.size if _alike(off[:, k], error[:, k], criteria)]
+
+    off = moved.copy()
+    for k, path in found.path.items():
+        off[:, k] -= path
+    far = [k for k, path in found.path.items() if np.abs(path).max() >= NEAR]
+    if not far:
+        return {k: ohm[k] * (1 + found.path[k]) for k in alike(off)}
+    if any((off[:, k] ** 2).sum() > CURVED * (found.path[k] ** 2).sum() for k in far if k not in alike(off)):
+        return {}
 
     def scaled(contacts: Array) -> tuple[Array, Array]:
         scan, slope = scan_of(contacts)
         return scan / noise_v, slope / noise_v
 
-    return {k: ohm[k] * relative for k, relative in grown(settling, change, level, ohm, scaled).items()}
+    relative, change = grown(found, change_v / noise_v, columns[:, -1], ohm, scaled)
+    kept = alike(each_moved(change_v - noise_v * change, noise_v, columns, np.zeros((*change.shape, 0)))[0])
+    return {k: ohm[k] * relative[k] for k in kept} if set(far) <= set(kept) else {}
 
 
 def _drift(electrode: int, ohm: Array, time_s: Array) -> Effect:
@@ -169,17 +195,17 @@ def wanders(path: Array, error: Array, criteria: Criteria) -> bool:
 
     By J. von Neumann's ratio, Ann. Math. Stat. 12, 367 (1941): half the mean square of the steps over the variance,
     both without the error. White noise has 1, a random walk about 3 / (R + 1): half-way between is the limit, or where
-    white noise comes once in fifty if that is less. Of frames that tell the contact unevenly well each counts in its
-    own errors.
+    white noise comes once in fifty if that is less. Frames that hardly tell the contact are left out: next to a place
+    not yet recovered its path goes anywhere.
     """
-    count = len(path)
+    told = error <= HARDLY * np.quantile(error, 0.25)
+    path, error, count = path[told], error[told], int(told.sum())
+    if count < FEWEST:
+        return False
     rarely = 1 - criteria.clear_errors * np.sqrt((count - 2) / (count**2 - 1))
-    # A frame that hardly tells the contact goes nowhere by itself.
-    usual = float(error.mean())
-    relative = error / usual if usual > 0 else np.ones(count)
-    seen = (path - np.average(path, weights=relative**-2)) / relative
-    steps = 0.5 * float((np.diff(seen) ** 2).mean()) - usual**2
-    return steps < min(0.5 * (1 + 3 / (count + 1)), rarely) * (float(seen.var(ddof=1)) - usual**2)
+    noise = float((error**2).mean())
+    steps = 0.5 * float((np.diff(path) ** 2).mean()) - noise
+    return steps < min(0.5 * (1 + 3 / (count + 1)), rarely) * (float(path.var(ddof=1)) - noise)
 
 
 def _smoothed(path: Array, error: Array) -> Array:

@@ -31,7 +31,8 @@ def paths_of(solved: Solved) -> list[Effect]:
 
 
 def changed_by(problem: VoltageProblem, solved: Solved, effects: Sequence[Effect]) -> Array:
-    """What some of a fit's effects do to the scans (T,P) of the frames fitted, in units of the noise."""
+    """What some of a fit's effects do to the scans (T,P) of the frames fitted, in units of the noise, as linearised
+    about the fit with them: no more than roughly for a contact that goes far."""
     others = [effect for effect in solved.effects if effect not in effects]
     with_all, without = (problem.family.skin(solved.calibration, every) for every in (solved.effects, others))
     return problem.scan_residual(without) - problem.scan_residual(with_all)

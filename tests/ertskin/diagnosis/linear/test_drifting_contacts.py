@@ -3,25 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from small_skin import SMALL, small_law, small_sensor, two_presses
+from small_skin import SMALL, small_law, small_sensor, two_presses, undriven
 
 from ertskin.diagnosis.linear.linear_skin import LinearSkin
 from ertskin.diagnosis.linear.patches import followers
 from ertskin.physics.effects.contact_drift import ContactDrift
-from ertskin.physics.protocol import Protocol
 from ertskin.physics.skin import Skin
 
 CONTACTS = 6
-
-
-def undriven() -> Protocol:
-    """Every pair drives, neighbours are read, none of them at a driven electrode."""
-    driving = np.stack(np.triu_indices(CONTACTS, 1), axis=1)
-    reading = np.stack([np.arange(CONTACTS), np.roll(np.arange(CONTACTS), -1)], axis=1)
-    current_a = np.eye(CONTACTS)[driving[:, 0]] - np.eye(CONTACTS)[driving[:, 1]]
-    apart = ~(driving[:, None, :, None] == reading[None, :, None, :]).any(axis=(2, 3))
-    scan = Protocol.differences(1e-3 * current_a, reading)
-    return Protocol(scan.injection_current_a, scan.measurement, measured=apart)
 
 
 def test_the_linearised_skin_follows_contacts_that_grow_thirtyfold_where_driven_electrodes_are_not_read() -> None:

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from rest_changes import CONTACTS, FRAMES, NUMBERS, columns_and_traces, unsolved
 
 from ertskin.diagnosis.criteria import DEFAULT
 from ertskin.diagnosis.rest.rest_frames import (
@@ -24,23 +25,9 @@ from ertskin.physics.piezo.polynomial import PiezoPolynomial
 from ertskin.physics.protocol import Protocol
 from ertskin.physics.skin import Skin
 
-CONTACTS, NUMBERS, FRAMES = 8, 60, 30
 PATH = np.linspace(-1.0, 1.0, FRAMES) ** 3
 EACH = np.arange(FRAMES)
 """Runs of one rest frame each."""
-
-
-def unsolved(ohm: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    raise AssertionError("no contact settles far")
-
-
-def columns_and_traces(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-    """(P,L+1) derivatives, (R,P,3) orthonormal imprints that share much with the contacts' columns."""
-    columns = rng.standard_normal((NUMBERS, CONTACTS + 1))
-    near = columns[:, rng.integers(0, CONTACTS, (FRAMES, 3))].transpose(1, 0, 2)
-    traces = np.linalg.qr(near + 0.7 * rng.standard_normal((FRAMES, NUMBERS, 3)))[0]
-    traces[0] = 0.0
-    return columns, traces
 
 
 def test_imprints_are_kept_only_where_they_are_needed() -> None:
