@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +14,9 @@ from ertskin.physics.effects.effect import Effect
 from ertskin.physics.effects.hypothesis import Measured
 
 Array = NDArray[np.float64]
+
+SOLVED = 12
+"""Rest frames at most that are solved in full."""
 
 
 def is_path(effect: Effect) -> bool:
@@ -32,7 +36,7 @@ def paths_of(solved: Solved) -> list[Effect]:
 
 def changed_by(problem: VoltageProblem, solved: Solved, effects: Sequence[Effect]) -> Array:
     """What some of a fit's effects do to the scans (T,P) of the frames fitted, in units of the noise, as linearised
-    about the fit with them: no more than roughly for a contact that goes far."""
+    about the fit with them: of a contact that goes far no more than roughly."""
     others = [effect for effect in solved.effects if effect not in effects]
     with_all, without = (problem.family.skin(solved.calibration, every) for every in (solved.effects, others))
     return problem.scan_residual(without) - problem.scan_residual(with_all)
@@ -49,8 +53,21 @@ def as_good_at_rest(without: CheckedFit, beside: CheckedFit) -> bool:
     rise, noise = float((left**2).sum() - (kept**2).sum()), max(1.0, float((kept**2).mean())) if kept.size else 1.0
     if rise > (criteria.chance_ratio**2 - 1) * float((kept**2).sum()):
         return False
-    done = _at_rest(beside, changed_by(beside.problem, beside.solved, paths_of(beside.solved)))
-    return rise < max(2 * criteria.significant_gain * noise, criteria.most_share * float((done**2).sum()))
+    if rise < 2 * criteria.significant_gain * noise:
+        return True
+    return rise < criteria.most_share * _done_at_rest(beside)
+
+
+def _done_at_rest(fit: CheckedFit) -> float:
+    """Sum of squares of what a fit's paths of contacts change between its rest frames, in units of the noise, some of
+    them solved in full: a contact may go so far that nothing linear tells what it does."""
+    problem, solved = fit.problem, fit.solved
+    resting = np.flatnonzero(problem.evidence.rest & (problem.weight > 0))
+    rows = resting[np.unique(np.linspace(0, len(resting) - 1, SOLVED).round().astype(int))]
+    bare = replace(solved, terms=tuple(without_paths(solved.terms)))
+    done = (problem.in_full(solved, rows) - problem.in_full(bare, rows)) / problem.evidence.noise_v
+    done = problem.evidence.frames(rows).discounted(done)
+    return float(((done - done.mean(axis=0)) ** 2).sum()) * len(resting) / len(rows)
 
 
 def _at_rest(fit: CheckedFit, scans: Array) -> Array:

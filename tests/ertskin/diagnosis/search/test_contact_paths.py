@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from ertskin.diagnosis.criteria import DEFAULT
 from ertskin.diagnosis.search.contact_paths import as_good_at_rest, changed_by, paths_of, without_paths
 from ertskin.physics.effects.contact_drift import ContactDrift
+from ertskin.physics.effects.effect import Effect
 from ertskin.physics.effects.sheet_anisotropy import SheetAnisotropy
 
 FRAMES, PAIRS = 20, 400
@@ -19,20 +22,34 @@ RISING = ContactDrift(3, tuple(TIME_S.tolist()), tuple(TIME_S.tolist()))
 EVEN = SheetAnisotropy()
 
 
+@dataclass(frozen=True, eq=False)
+class Fitted:
+    scan_residual: NDArray[np.float64]
+    terms: tuple[Any, ...] = (SimpleNamespace(effect=EVEN), SimpleNamespace(effect=RISING))
+    calibration: None = None
+
+    @property
+    def effects(self) -> list[Effect]:
+        return [term.effect for term in self.terms]
+
+
 def fit(path_per_frame: float, left: float, missed: float = 0.0) -> Any:
     """A fit, every second frame at rest, with a path that does ``path_per_frame`` in each of ten pairs and frame, and
     leaves noise of ``left`` and a share ``missed`` of what the path does."""
     noise = left * np.random.default_rng(0).standard_normal((FRAMES, PAIRS))
     rising = np.zeros((FRAMES, PAIRS))
     rising[:, :10] = path_per_frame * (TIME_S - TIME_S[::2].mean())[:, None]
+    frames = SimpleNamespace(discounted=lambda scans: scans)
     problem = SimpleNamespace(
         scan_residual=lambda effects: noise + (missed if RISING in effects else 1.0) * rising,
+        in_full=lambda fit, rows: rising[rows] * (RISING in fit.effects),
         family=SimpleNamespace(skin=lambda calibration, effects: effects),
-        evidence=SimpleNamespace(criteria=DEFAULT, rest=np.arange(FRAMES) % 2 == 0),
+        evidence=SimpleNamespace(
+            criteria=DEFAULT, rest=np.arange(FRAMES) % 2 == 0, noise_v=1.0, frames=lambda rows: frames
+        ),
         weight=np.ones(FRAMES),
     )
-    solved = SimpleNamespace(effects=(EVEN, RISING), calibration=None, scan_residual=noise + missed * rising)
-    return SimpleNamespace(problem=problem, solved=solved)
+    return SimpleNamespace(problem=problem, solved=Fitted(noise + missed * rising))
 
 
 def test_what_a_path_changes_is_what_the_scans_lack_without_it() -> None:
