@@ -45,7 +45,7 @@ def grown(
     wanted, still = change - np.outer(change @ unit, unit), _uneven(scan_of(ohm)[0], unit)
 
     def part(ends: Array, along: Array) -> tuple[Array, Array]:
-        """(...,n) resistances over ``ohm`` part of the way, and the derivatives (...,2n) of their logarithms by those
+        """(n,) resistances over ``ohm`` so far along the way, and the derivatives (2n,) of their logarithms by those
         of both ends."""
         first, last = np.split(np.exp(ends), 2)
         shares = (1 - along) * first, along * last
