@@ -7,6 +7,7 @@ nor in its logarithm: read off the slope at the mean, what grows tenfold seems t
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -39,30 +40,8 @@ def grown(
     """
     which, unit = sorted(settling.size), level / np.linalg.norm(level)
     way = (settling.course - settling.course.min()) / np.ptp(settling.course)
-    ways = np.unique(way)
-    state = ways[np.unique(np.geomspace(1, len(ways), STATES).round().astype(int)) - 1]
-    between = np.array([np.interp(way, state, one) for one in np.eye(len(state))]).T
-    wanted, still = change - np.outer(change @ unit, unit), _uneven(scan_of(ohm)[0], unit)
-
-    def part(ends: Array, along: Array) -> tuple[Array, Array]:
-        """(n,) resistances over ``ohm`` so far along the way, and the derivatives (2n,) of their logarithms by those
-        of both ends."""
-        first, last = np.split(np.exp(ends), 2)
-        shares = (1 - along) * first, along * last
-        return shares[0] + shares[1], np.hstack(shares) / np.tile(shares[0] + shares[1], 2)
-
-    @lru_cache(maxsize=1)
-    def solved(ends: tuple[float, ...]) -> tuple[Array, Array]:
-        """Changes (R,P) and their derivatives (R,P,2n) by the logarithms of both ends."""
-        scans, slopes = [], []
-        for along in state:
-            contacts = ohm.copy()
-            relative, by_ends = part(np.array(ends), along)
-            contacts[which] *= relative
-            scan, slope = scan_of(contacts)
-            scans.append(_uneven(scan, unit) - still)
-            slopes.append(np.tile(_uneven(slope[:, which], unit), 2) * by_ends)
-        return between @ np.array(scans), np.tensordot(between, np.array(slopes), 1)
+    solved = lru_cache(maxsize=1)(_Between(which, way, unit, ohm, scan_of, _uneven(scan_of(ohm)[0], unit)))
+    wanted = change - np.outer(change @ unit, unit)
 
     def residual(ends: Array) -> Array:
         # What the readings hardly tell stays where it is.
@@ -76,8 +55,45 @@ def grown(
     ends = [1 + size * end for end in (settling.course.min(), settling.course.max())]
     begun = np.log(np.maximum(np.concatenate(ends), LEAST_BEGUN))
     found = least_squares(residual, begun, slope, bounds=(-FARTHEST, FARTHEST), max_nfev=20)
-    relative = np.array([part(found.x, along)[0] for along in way])
+    relative = np.array([_part(found.x, along)[0] for along in way])
     return dict(zip(which, relative.T, strict=True)), solved(tuple(found.x))[0]
+
+
+@dataclass(frozen=True, eq=False)
+class _Between:
+    """What contacts do that go from one end to the other: ``which`` of those in ``ohm`` (L,), each frame part of the
+    ``way`` (R,), in changes from the scan ``still`` (P,) without what goes along ``unit`` (P,)."""
+
+    which: list[int]
+    way: Array
+    unit: Array
+    ohm: Array
+    scan_of: ScanOf
+    still: Array
+
+    def __call__(self, ends: tuple[float, ...]) -> tuple[Array, Array]:
+        """Changes (R,P) and their derivatives (R,P,2n) by the logarithms of both ends; frames between the states that
+        are solved interpolated."""
+        ways = np.unique(self.way)
+        state = ways[np.unique(np.geomspace(1, len(ways), STATES).round().astype(int)) - 1]
+        between = np.array([np.interp(self.way, state, one) for one in np.eye(len(state))]).T
+        scans, slopes = zip(*(self._state(np.array(ends), along) for along in state), strict=True)
+        return between @ np.array(scans), np.tensordot(between, np.array(slopes), 1)
+
+    def _state(self, ends: Array, along: float) -> tuple[Array, Array]:
+        contacts = self.ohm.copy()
+        relative, by_ends = _part(ends, along)
+        contacts[self.which] *= relative
+        scan, slope = self.scan_of(contacts)
+        return _uneven(scan, self.unit) - self.still, np.tile(_uneven(slope[:, self.which], self.unit), 2) * by_ends
+
+
+def _part(ends: Array, along: float) -> tuple[Array, Array]:
+    """(n,) resistances over those at the mean so far ``along`` the way, and the derivatives (2n,) of their logarithms
+    by those of both ends."""
+    first, last = np.split(np.exp(ends), 2)
+    shares = (1 - along) * first, along * last
+    return shares[0] + shares[1], np.hstack(shares) / np.tile(shares[0] + shares[1], 2)
 
 
 def _uneven(scan: Array, unit: Array) -> Array:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -66,29 +67,38 @@ def contact_drift(
     """
     if len(change_v) < ENOUGH_RESTS:
         return Drifting((), frozenset(), contacts)
-    moved, error = each_moved(change_v, noise_v, columns, traces)
-    surprise = np.sqrt(((moved / error) ** 2).mean(axis=0))
-    restless = [k for k in range(len(contacts)) if surprise[k] > criteria.clear_errors]
+    seen = each_moved(change_v, noise_v, columns, traces)
     free = [trace @ trace.T for trace in traces]
     rest = np.stack([c - p @ c for c, p in zip(change_v / noise_v, free, strict=True)])
     designs = [columns - p @ columns for p in free]
     # Places that recover settle too, and so does what has been taken off before.
     doubtful = traces.any() or doubt
     found = NONE_SETTLES if doubtful else settling_contacts(rest, [d / noise_v for d in designs], time_s)
-    settled_ohm = _settled_ohm(found, change_v, (moved, error), columns, contacts, noise_v, scan_of, criteria)
+    settled_ohm = _settled_ohm(found, change_v, seen, columns, contacts, noise_v, scan_of, criteria)
     usual_ohm = contacts.copy()
     usual_ohm[list(settled_ohm)] = [ohm.mean() for ohm in settled_ohm.values()]
-    paths = {
-        k: _smoothed(moved[:, k], error[:, k])
-        for k in wandering(rest, designs, traces.any(axis=1).sum(axis=1).tolist(), restless, doubt)
-        if wanders(*_by_run(moved[:, k], error[:, k], run), criteria)
-    }
-    # Read off the slope at the mean: where that leads to nothing or less, readings hardly show the contact.
-    paths = {k: path for k, path in paths.items() if path.min() > LEAST_LEFT - 1}
+    taken = traces.any(axis=1).sum(axis=1).tolist()
+    paths = _paths(seen, run, partial(wandering, rest, designs, taken, doubt=doubt), criteria)
     drift_ohm = {k: usual_ohm[k] * path for k, path in paths.items()}
     drift_ohm |= {k: ohm - usual_ohm[k] for k, ohm in settled_ohm.items()}
     effects = (_drift(k, ohm, time_s) for k, ohm in sorted(drift_ohm.items()))
     return Drifting(tuple(effects), frozenset(settled_ohm), usual_ohm)
+
+
+def _paths(
+    seen: tuple[Array, Array],
+    run: NDArray[np.intp],
+    wandering_of: Callable[[list[int]], list[int]],
+    criteria: Criteria,
+) -> dict[int, Array]:
+    """(R,) shares of each contact that wanders from frame to frame, by what was ``seen`` of each, with errors."""
+    moved, error = seen
+    surprise = np.sqrt(((moved / error) ** 2).mean(axis=0))
+    restless = [k for k in range(moved.shape[1] - 1) if surprise[k] > criteria.clear_errors]
+    found = (k for k in wandering_of(restless) if wanders(*_by_run(moved[:, k], error[:, k], run), criteria))
+    paths = {k: _smoothed(moved[:, k], error[:, k]) for k in found}
+    # Read off the slope at the mean: where that leads to nothing or less, readings hardly show the contact.
+    return {k: path for k, path in paths.items() if path.min() > LEAST_LEFT - 1}
 
 
 def _settled_ohm(

@@ -75,7 +75,7 @@ WANDERS, CREEP, LOOP_ALONE = named(Measured.CONTACT_PATH, False), named(None, Tr
 
 
 def fit_of(terms: tuple[Any, ...], at_rest: float) -> CheckedFit:
-    """A fit with these terms whose frames at rest are off by so much."""
+    """A fit with these terms whose frames at rest are off by so much, one up, the next down."""
     evidence = SimpleNamespace(criteria=DEFAULT, rest=np.ones(4, bool))
     problem: Any = SimpleNamespace(
         specimen=None,
@@ -88,7 +88,7 @@ def fit_of(terms: tuple[Any, ...], at_rest: float) -> CheckedFit:
         terms=terms,
         calibration=None,
         leftover=False,
-        scan_residual=np.full((4, 3), at_rest),
+        scan_residual=at_rest * np.array([[1.0], [-1.0], [1.0], [-1.0]]) * np.ones(3),
     )
     return CheckedFit(problem, solved, 1.0, 0.0)
 
