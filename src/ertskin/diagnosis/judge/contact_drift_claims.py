@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ertskin.diagnosis.contract.claims import Claim
-from ertskin.diagnosis.search.contact_paths import changed_by, paths_of
+from ertskin.diagnosis.search.contact_paths import changed_by_paths
 from ertskin.diagnosis.search.selection import Selection
 
 Array = NDArray[np.float64]
@@ -19,7 +19,7 @@ def drift_claims(selection: Selection, settling: Collection[int] = ()) -> list[C
     ``settling`` however little they do: each is sure along the course of all."""
     problem, solved = selection.problem, selection.after
     criteria, used = problem.evidence.criteria, problem.weight > 0
-    parts = [(changed_by(problem, solved, [drift])[used], drift) for drift in paths_of(solved)]
+    parts = [(part[used], drift) for drift, part in changed_by_paths(problem, solved)]
     if not parts:
         return []
     parts.sort(key=lambda part: -_misfit(part[0]))

@@ -29,17 +29,16 @@ def without_paths(terms: Sequence[Term]) -> list[Term]:
     return [term for term in terms if not is_path(term.effect)]
 
 
-def paths_of(solved: Solved) -> list[Effect]:
-    """The paths of contacts among a fit's effects."""
-    return [effect for effect in solved.effects if is_path(effect)]
-
-
-def changed_by(problem: VoltageProblem, solved: Solved, effects: Sequence[Effect]) -> Array:
-    """What some of a fit's effects do to the scans (T,P) of the frames fitted, in units of the noise, as linearised
-    about the fit with them: of a contact that goes far no more than roughly."""
-    others = [effect for effect in solved.effects if effect not in effects]
-    with_all, without = (problem.family.skin(solved.calibration, every) for every in (solved.effects, others))
-    return problem.scan_residual(without) - problem.scan_residual(with_all)
+def changed_by_paths(problem: VoltageProblem, solved: Solved) -> list[tuple[Effect, Array]]:
+    """Each path of a contact in a fit and what it does to the scans (T,P) of the frames fitted, in units of the noise,
+    as linearised about the fit with it: of a contact that goes far no more than roughly."""
+    effects = solved.effects
+    paths = [number for number, effect in enumerate(effects) if is_path(effect)]
+    others = [(*effects[:number], *effects[number + 1 :]) for number in paths]
+    if not paths:
+        return []
+    beside, *without = (problem.scan_residual(problem.family.skin(solved.calibration, e)) for e in (effects, *others))
+    return [(effects[number], one - beside) for number, one in zip(paths, without, strict=True)]
 
 
 def as_good_at_rest(without: CheckedFit, beside: CheckedFit) -> bool:

@@ -34,7 +34,7 @@ def selection(sizes: list[float]) -> Any:
         evidence=SimpleNamespace(criteria=DEFAULT),
         weight=np.ones(FRAMES),
     )
-    return SimpleNamespace(after=SimpleNamespace(effects=drifts, calibration=None), problem=problem)
+    return SimpleNamespace(after=SimpleNamespace(effects=tuple(drifts), calibration=None), problem=problem)
 
 
 def claimed(sizes: list[float], *settling: int) -> list[int]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 from ertskin.diagnosis.criteria import DEFAULT
-from ertskin.diagnosis.search.contact_paths import as_good_at_rest, changed_by, paths_of, without_paths
+from ertskin.diagnosis.search.contact_paths import as_good_at_rest, changed_by_paths, without_paths
 from ertskin.physics.effects.contact_drift import ContactDrift
 from ertskin.physics.effects.effect import Effect
 from ertskin.physics.effects.sheet_anisotropy import SheetAnisotropy
@@ -29,8 +29,8 @@ class Fitted:
     calibration: None = None
 
     @property
-    def effects(self) -> list[Effect]:
-        return [term.effect for term in self.terms]
+    def effects(self) -> tuple[Effect, ...]:
+        return tuple(term.effect for term in self.terms)
 
 
 def fit(path_per_frame: float, left: float, missed: float = 0.0) -> Any:
@@ -54,11 +54,12 @@ def fit(path_per_frame: float, left: float, missed: float = 0.0) -> Any:
 
 def test_what_a_path_changes_is_what_the_scans_lack_without_it() -> None:
     one = fit(0.1, 1.0)
-    assert paths_of(one.solved) == [RISING]
-    changed = changed_by(one.problem, one.solved, paths_of(one.solved))
+    ((path, changed),) = changed_by_paths(one.problem, one.solved)
+    assert path is RISING
     assert changed[:, 0] == pytest.approx(0.1 * (TIME_S - 9.0))
     assert changed[:, 10:] == pytest.approx(0.0)
-    assert changed_by(one.problem, one.solved, [EVEN]) == pytest.approx(0.0)
+    without = replace(one.solved, terms=one.solved.terms[:1])
+    assert changed_by_paths(one.problem, without) == []
 
 
 def test_terms_without_paths() -> None:
