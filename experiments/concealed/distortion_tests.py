@@ -19,7 +19,7 @@ from scipy.stats import chi2
 from ertskin.diagnosis.fit.full_solution_check import exact, settled
 from ertskin.diagnosis.fit.joint_fit import Solved, Term, VoltageProblem
 from ertskin.diagnosis.linear.calibration_vector import Calibration
-from ertskin.diagnosis.search.selection import Chosen, Selection
+from ertskin.diagnosis.search.chosen import Chosen, Selection
 from ertskin.physics.conduction.mesh import MeshError
 
 Array = NDArray[np.float64]

@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 from ertskin.diagnosis.fit.full_solution_check import CheckedFit, exact, settled
 from ertskin.diagnosis.fit.joint_fit import Solved, Term, VoltageProblem
 from ertskin.diagnosis.linear.calibration_vector import Calibration
-from ertskin.diagnosis.search.selection import MOST_TERMS, Chosen, Selection
+from ertskin.diagnosis.search.chosen import Chosen, Selection
+from ertskin.diagnosis.search.selection import MOST_TERMS
 from ertskin.physics.conduction.mesh import MeshError
 
 Array = NDArray[np.float64]

@@ -15,7 +15,7 @@ from ertskin.diagnosis.judge.held_out import ratio
 from ertskin.diagnosis.judge.remainder import remainder
 from ertskin.diagnosis.judge.result import Findings
 from ertskin.diagnosis.linear.calibration_vector import Calibration
-from ertskin.diagnosis.search.selection import Selection
+from ertskin.diagnosis.search.chosen import Selection
 
 Report = Callable[[float | None, str], None]
 Problem = Callable[[Solved | None], VoltageProblem]

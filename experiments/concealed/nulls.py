@@ -25,7 +25,7 @@ from ertskin.diagnosis.criteria import DEFAULT  # noqa: E402
 from ertskin.diagnosis.fit.joint_fit import Term  # noqa: E402
 from ertskin.diagnosis.linear.calibration_vector import Calibration  # noqa: E402
 from ertskin.diagnosis.search.candidates import screen  # noqa: E402
-from ertskin.diagnosis.search.selection import Selection  # noqa: E402
+from ertskin.diagnosis.search.chosen import Selection  # noqa: E402
 from ertskin.diagnosis.search.trials import material_cost  # noqa: E402
 from ertskin.hardware.recording import read_recording  # noqa: E402
 

@@ -16,7 +16,8 @@ from ertskin.diagnosis.contract.claims import Rival
 from ertskin.diagnosis.fit.joint_fit import Solved, Term, VoltageProblem
 from ertskin.diagnosis.linear.calibration_vector import Calibration
 from ertskin.diagnosis.search.candidates import Candidate, screen
-from ertskin.diagnosis.search.selection import MOST_TERMS, Chosen, Selection
+from ertskin.diagnosis.search.chosen import Chosen, Selection
+from ertskin.diagnosis.search.selection import MOST_TERMS
 
 Report = Callable[[float | None, str], None]
 Problem = Callable[[Solved | None], VoltageProblem]

@@ -27,9 +27,10 @@ from ertskin.diagnosis.linear.linear_skin import LinearSkin
 from ertskin.diagnosis.recording.evidence import CannotTell, Evidence, gather
 from ertskin.diagnosis.recording.split import FEW, MANY, all_fitted, fitted_and_held, folds_of
 from ertskin.diagnosis.rest.baseline import Baseline, calibrated
+from ertskin.diagnosis.search.chosen import Selection
 from ertskin.diagnosis.search.foretold import that_foretells
 from ertskin.diagnosis.search.form_error import form_error
-from ertskin.diagnosis.search.selection import Selection, select, selected_again
+from ertskin.diagnosis.search.selection import select, selected_again
 from ertskin.diagnosis.search.trials import rms_of
 from ertskin.hardware.recording import Recording
 from ertskin.physics.conduction.mesh import MeshError

@@ -25,7 +25,7 @@ from ertskin.diagnosis.contract.claims import Claim, Diagnosis, HeldOut
 from ertskin.diagnosis.criteria import DEFAULT, Criteria
 from ertskin.diagnosis.judge.result import Findings
 from ertskin.diagnosis.output.joint_calibration import joint_calibration, write_joint_calibration
-from ertskin.diagnosis.search.selection import Selection
+from ertskin.diagnosis.search.chosen import Selection
 from ertskin.hardware.recording import Recording, read_recording
 from ertskin.hardware.virtual.bench import FAST, write_bench
 from ertskin.hardware.virtual.bench.truth import Truth

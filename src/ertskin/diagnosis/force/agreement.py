@@ -16,9 +16,9 @@ from ertskin.diagnosis.force.fit import ForceData, ForceFit, fit_force, force_st
 from ertskin.diagnosis.linear.calibration_vector import SkinFamily
 from ertskin.diagnosis.recording.evidence import Evidence
 from ertskin.diagnosis.rest.baseline import Baseline, force_fits
+from ertskin.diagnosis.search.chosen import Selection
 from ertskin.diagnosis.search.form_error import form_error
 from ertskin.diagnosis.search.gain import gained
-from ertskin.diagnosis.search.selection import Selection
 from ertskin.physics.effects.effect import Effect, FoamEffect, shown_by
 from ertskin.physics.effects.hypothesis import Signal
 from ertskin.physics.effects.registry import effects_shown_by

@@ -14,7 +14,7 @@ from ertskin.diagnosis.force.indistinguishable import distinguishable
 from ertskin.diagnosis.judge.confidence import left_over_of_force
 from ertskin.diagnosis.recording.evidence import Evidence
 from ertskin.diagnosis.rest.baseline import Baseline
-from ertskin.diagnosis.search.selection import Selection
+from ertskin.diagnosis.search.chosen import Selection
 from ertskin.physics.effects.effect import Start
 
 Indices = NDArray[np.intp]

@@ -45,7 +45,7 @@ from ertskin.diagnosis.recording.noisy_channels import noisy_channels
 from ertskin.diagnosis.recording.split import SPLIT
 from ertskin.diagnosis.rest.baseline import Baseline
 from ertskin.diagnosis.rest.rest_frames import STANDS_OUT
-from ertskin.diagnosis.search.selection import Chosen, Selection
+from ertskin.diagnosis.search.chosen import Chosen, Selection
 from ertskin.physics.effects.effect import Stage, shown_by
 from ertskin.physics.effects.hypothesis import Measured, Signal
 from ertskin.physics.effects.registry import measured_as
@@ -338,7 +338,7 @@ def _instrument_claims(case: Case) -> list[Claim]:
         return []
     step = 2 * (evidence.protocol.adc_volts_per_count or 1e-4 * abs(limit))
     alone = max(1.0, evidence.leftover_ratio)
-    sure = case.criteria.saturation_confidence * (case.criteria.doubted_share if case.instrument_off else 1.0)
+    sure = case.criteria.measured_confidence * (case.criteria.doubted_share if case.instrument_off else 1.0)
     return [
         Claim(
             measured_as(Measured.READING_LIMIT)().changed({"limit_v": limit}),

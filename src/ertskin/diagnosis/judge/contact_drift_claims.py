@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ertskin.diagnosis.contract.claims import Claim
+from ertskin.diagnosis.search.chosen import Selection
 from ertskin.diagnosis.search.contact_paths import changed_by_paths
-from ertskin.diagnosis.search.selection import Selection
 
 Array = NDArray[np.float64]
 
@@ -28,7 +28,7 @@ def drift_claims(selection: Selection, settling: Collection[int] = ()) -> list[C
     for wrong, drift in parts:
         if _misfit(left) < criteria.material_ratio and drift.value("electrode") not in settling:
             continue
-        claims.append(Claim(drift, criteria.drift_confidence, _misfit(wrong), {}))
+        claims.append(Claim(drift, criteria.measured_confidence, _misfit(wrong), {}))
         left = left - wrong
     return claims
 

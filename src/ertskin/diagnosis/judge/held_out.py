@@ -14,7 +14,7 @@ from ertskin.diagnosis.fit.joint_fit import Solved
 from ertskin.diagnosis.linear.calibration_vector import SkinFamily
 from ertskin.diagnosis.recording.evidence import Evidence
 from ertskin.diagnosis.rest.baseline import Baseline
-from ertskin.diagnosis.search.selection import Selection
+from ertskin.diagnosis.search.chosen import Selection
 from ertskin.physics.skin import Skin
 
 Array = NDArray[np.float64]

@@ -19,8 +19,8 @@ from ertskin.diagnosis.judge.map_probability import (
     told_by,
 )
 from ertskin.diagnosis.judge.undetermined_field import MOST_LEFT, known_at
+from ertskin.diagnosis.search.chosen import Selection
 from ertskin.diagnosis.search.pressed_places import pressed_places_m
-from ertskin.diagnosis.search.selection import Selection
 from ertskin.physics.effects.effect import Effect
 from ertskin.physics.effects.hypothesis import Need
 from ertskin.physics.effects.smooth_field import Nodes, field_at

@@ -21,8 +21,8 @@ from ertskin.diagnosis.judge.undetermined_field import known_at
 from ertskin.diagnosis.linear.calibration_vector import SkinFamily
 from ertskin.diagnosis.recording.evidence import Evidence
 from ertskin.diagnosis.rest.baseline import Baseline
+from ertskin.diagnosis.search.chosen import Selection
 from ertskin.diagnosis.search.pressed_places import logarithms, pressed_places_m
-from ertskin.diagnosis.search.selection import Selection
 from ertskin.physics.conduction.mesh import inside_polygon
 from ertskin.physics.effects.effect import Effect
 from ertskin.physics.effects.standard import Standard

@@ -11,7 +11,7 @@ from ertskin.diagnosis.contract.claims import Diagnosis
 from ertskin.diagnosis.judge.axis_tests import AxisTest
 from ertskin.diagnosis.recording.evidence import Evidence
 from ertskin.diagnosis.rest.baseline import Baseline
-from ertskin.diagnosis.search.selection import Selection
+from ertskin.diagnosis.search.chosen import Selection
 
 Array = NDArray[np.float64]
 

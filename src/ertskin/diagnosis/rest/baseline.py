@@ -143,7 +143,7 @@ def _specimen(
 def force_fits(data: ForceData, evidence: Evidence, begun: Sequence[Start] = ()) -> tuple[ForceFit, ForceFit]:
     """The fits of forces without and with effects, beginning with those ``begun``."""
     folds, criteria = folds_of(evidence.history.press, FORCE_FOLDS), evidence.criteria
-    return select_force_effects(data, folds, criteria.significant_force_gain, criteria.second_share, begun)
+    return select_force_effects(data, folds, criteria.significant_force_gain, criteria.second_force_share, begun)
 
 
 def _force_stage(

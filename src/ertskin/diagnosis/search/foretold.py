@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ertskin.diagnosis.fit.cross_validation import log_misfit, numbers_of, refitted, scans_by_part
 from ertskin.diagnosis.fit.joint_fit import Solved, VoltageProblem, held_out
-from ertskin.diagnosis.search.selection import Selection
+from ertskin.diagnosis.search.chosen import Selection
 
 Array = NDArray[np.float64]
 

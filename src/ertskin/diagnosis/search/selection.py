@@ -10,95 +10,41 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ertskin.diagnosis.contract.claims import Rival, Tried
-from ertskin.diagnosis.criteria import Criteria
-from ertskin.diagnosis.fit.cross_validation import log_misfit, numbers_of, refitted
-from ertskin.diagnosis.fit.full_solution_check import CheckedFit, checked_fit, exact, settled
+from ertskin.diagnosis.fit.full_solution_check import CheckedFit, Problem, checked_fit, exact, settled
 from ertskin.diagnosis.fit.joint_fit import Solved, Term, VoltageProblem
 from ertskin.diagnosis.linear.calibration_vector import WIDEST_RATIO, Calibration
-from ertskin.diagnosis.search.behind_fields import behind_field, loss_beside_fields, smooth_fields_of
-from ertskin.diagnosis.search.candidates import Candidate, screen
+from ertskin.diagnosis.search.backward import backward, with_fields_by_place, with_lag
+from ertskin.diagnosis.search.behind_fields import behind_field, smooth_fields_of
+from ertskin.diagnosis.search.candidates import screen
+from ertskin.diagnosis.search.chosen import Chosen, Rivals, Selection, key_of
 from ertskin.diagnosis.search.contact_paths import as_good_at_rest, without_paths
+from ertskin.diagnosis.search.entering import first_to_hold, likely, of_few_numbers, promises, short_of
 from ertskin.diagnosis.search.exchange import exchanged, gain_of_exchange
 from ertskin.diagnosis.search.form_error import form_error
-from ertskin.diagnosis.search.gain import gained
-from ertskin.diagnosis.search.pressed_places import fields_by_place, part_missed, told_by_place
+from ertskin.diagnosis.search.pressed_places import told_by_place
 from ertskin.diagnosis.search.settling import refined, where_it_settles
-from ertskin.diagnosis.search.smooth_fields import with_smooth_field
 from ertskin.diagnosis.search.trials import (
-    KNOWN,
     Trial,
     is_worth_a_name,
-    residual_count,
     rms_of,
     trials_of,
     unforeseen,
-    unlikely,
     worth_a_name,
 )
 from ertskin.diagnosis.specimen.agreement import remembers_alike
 from ertskin.physics.conduction.mesh import MeshError
-from ertskin.physics.effects.effect import ElectrodeEffect, shown_by
-from ertskin.physics.effects.hypothesis import Signal
+from ertskin.physics.effects.effect import ElectrodeEffect
 from ertskin.physics.effects.piezo_chain import in_fabric
 
 Array = NDArray[np.float64]
 
 RUN_AWAY = 0.4
 """Part of the widest ratio of moduli from which on a fit is taken to have run away."""
-ALIKE = 0.5
-"""Part of the best form's gain from which another form of the same effect is settled too."""
 MOST_TERMS = 5
 """Terms that are searched for, those of another signal among them."""
 FORM_ERROR = "form_error"
 """What sets tried with a nameless part of the instrument's effects are said to hold."""
-FORMS = 2
-"""How many forms of one effect are settled."""
-AS_GOOD = 0.9
-"""Part of what the form that fits best explains, from which on another one may be the better by what it foretells."""
 Report = Callable[[float | None, str], None]
-Rivals = tuple[Rival, ...]
-Problem = Callable[[Solved | None], VoltageProblem]
-
-
-@dataclass(frozen=True, eq=False)
-class Chosen:
-    """A selected term: what the fit loses without it and what the best other candidate gains in its stead.
-
-    Beside a field that stands in for it the ``loss`` is what it explains with that as it is. ``ratio_alone``: rms over
-    noise that this term by itself would make, by the loss. ``confidence``: that of
-    another way to choose, which no rule changes; None where it follows from the rivals and the rules. ``by_place``:
-    misfits over noise of the presses fitted without the field that it is, and with it told place by place. ``by_lag``:
-    what the fit loses if it followed presses at once; None of what has no such limit.
-    """
-
-    term: Term
-    loss: float
-    ratio_alone: float
-    rivals: Rivals
-    confidence: float | None = None
-    by_place: tuple[float, float] | None = None
-    by_lag: float | None = None
-
-
-@dataclass(frozen=True, eq=False)
-class Selection:
-    """What was found on the frames fitted: the fits without and with the terms, and what each term is worth.
-
-    ``tried``: the sets fitted, in order; ``specimen`` whether it "agrees" or "disagrees" with the skin, None without.
-    """
-
-    before: Solved
-    after: Solved
-    chosen: tuple[Chosen, ...]
-    problem: VoltageProblem
-    tried: tuple[Tried, ...]
-    specimen: str | None = None
-
-    @property
-    def found(self) -> list[tuple[Term, Chosen]]:
-        """The terms chosen, as they are fitted after the last."""
-        terms = self.after.terms[len(self.after.terms) - len(self.chosen) :]
-        return list(zip(terms, self.chosen, strict=True))
 
 
 def select(
@@ -123,7 +69,7 @@ def select(
             incumbent, fixed = _without_drifts(build, proposed, fixed)
         # A form is freed about the fit itself: further off it would mend what linearising leaves.
         incumbent = refined(build, incumbent, partitions)
-    search = _Search(build, partitions, report, len(fixed), {_key(term): rivals for term, rivals in begun})
+    search = _Search(build, partitions, report, len(fixed), {key_of(term): rivals for term, rivals in begun})
     chosen, incumbent = search.found(incumbent) if begun else search.found_remembering(incumbent, start)
     specimen = None if incumbent.problem.specimen is None else "agrees"
     if search.disagrees or search.specimen_differs(incumbent):
@@ -146,7 +92,7 @@ def selected_again(
     found, begun = selection.after, selection.before
     before = build(begun).solve(begun.terms, begun.calibration)
     fixed = len(found.terms) - len(selection.chosen)
-    search = _Search(build, partitions, report, fixed, {_key(term): one.rivals for term, one in selection.found})
+    search = _Search(build, partitions, report, fixed, {key_of(term): one.rivals for term, one in selection.found})
     kept = [term for term in found.terms if not term.by_place]
     incumbent = where_it_settles(build, None, build(found).solve(kept, found.calibration))
     if incumbent is None:
@@ -263,7 +209,7 @@ class _Search:
         trials = trials_of(
             problem, current, found, self.partitions, left, partial(_gone_elsewhere, self.build, problem)
         )
-        if trials and wanted is not None and not any(map(wanted, _likely(trials, problem.evidence.criteria))):
+        if trials and wanted is not None and not any(map(wanted, likely(trials, problem.evidence.criteria))):
             self.tried += [_as_tried(trial, False) for trial in trials]
             return None
         entered = self._first_to_enter(incumbent, trials)
@@ -272,7 +218,7 @@ class _Search:
             trials += beyond
             entered = self._first_to_enter(incumbent, beyond)
         if entered is not None:
-            entered = _of_few_numbers(self.build, incumbent, entered, trials, self.partitions)
+            entered = of_few_numbers(self.build, incumbent, entered, trials, self.partitions)
         self.tried += [_as_tried(t, entered is not None and t.term == entered[0].term) for t in trials]
         if left >= least:
             named = entered is not None and entered[0].term.name not in {t.name for t in current.terms}
@@ -280,14 +226,14 @@ class _Search:
         if entered is None:
             return self._in_anothers_place(incumbent, trials) or self.told_by_place(incumbent)
         trial, proposed = entered
-        self.stand[_key(trial.term)] = _short_of(trial, trials)
+        self.stand[key_of(trial.term)] = short_of(trial, trials)
         return refined(self.build, _reconsidered(self.build, proposed), self.partitions)
 
     def _first_to_enter(self, incumbent: CheckedFit, trials: Sequence[Trial]) -> tuple[Trial, CheckedFit] | None:
         """The first of the trials worth a name that holds where it settles."""
         worth = partial(is_worth_a_name, incumbent.problem, incumbent.solved)
         likely = [trial for trial in trials if worth(trial.term, trial.gain)]
-        return _first_to_hold(self.build, incumbent, likely, self.partitions)
+        return first_to_hold(self.build, incumbent, likely, self.partitions)
 
     def _in_anothers_place(self, incumbent: CheckedFit, trials: Sequence[Trial]) -> CheckedFit | None:
         """With a trial's term in the place of one that it may be taken for, where that is likelier; None where none is.
@@ -300,7 +246,7 @@ class _Search:
         left, proposed, gain = found
         entered = proposed.solved.terms[-1]
         self.tried.append(Tried(tuple(term.name for term in proposed.solved.terms), gain, True))
-        self.stand[_key(entered)] = (Rival(left.effect, gain),)
+        self.stand[key_of(entered)] = (Rival(left.effect, gain),)
         return _reconsidered(self.build, proposed)
 
     def told_by_place(self, incumbent: CheckedFit) -> CheckedFit | None:
@@ -345,10 +291,10 @@ class _Search:
             hidden = [one for one in behind_field(incumbent.problem, incumbent.solved, number) if one.gain > least]
             other, field_term = self._apart(), incumbent.solved.terms[number]
             proposed = other._with_in_stead(incumbent, number, hidden[0].term) if hidden else None
-            if proposed is None or not _promises(incumbent, proposed, field_term, self.partitions):
+            if proposed is None or not promises(incumbent, proposed, field_term, self.partitions):
                 continue
             field_itself = Rival(field_term.effect, hidden[0].gain)
-            other.stand[_key(hidden[0].term)] = (*_short_of(hidden[0], hidden), field_itself)
+            other.stand[key_of(hidden[0].term)] = (*short_of(hidden[0], hidden), field_itself)
             others, reached = other.pruned(other.grown(proposed))
             gain = gain_of_exchange(incumbent, reached)
             other.tried.append(Tried(tuple(term.name for term in reached.solved.terms), gain, True))
@@ -396,14 +342,14 @@ class _Search:
 
     def pruned(self, incumbent: CheckedFit) -> tuple[tuple[Chosen, ...], CheckedFit]:
         """What is left without terms that the others have made superfluous, where the skin is the linearised one."""
-        chosen, current = _backward(incumbent.problem, incumbent.solved, self.fixed, self.partitions, self.stand)
+        chosen, current = backward(incumbent.problem, incumbent.solved, self.fixed, self.partitions, self.stand)
         proposed = where_it_settles(self.build, incumbent.problem, current)
         if proposed is None:
             return chosen, replace(incumbent, solved=current)
         if proposed.problem is incumbent.problem:
             return chosen, proposed
         # What is left may fit as well elsewhere only because the skin was linearised far from there.
-        chosen, current = _backward(proposed.problem, proposed.solved, self.fixed, self.partitions, self.stand)
+        chosen, current = backward(proposed.problem, proposed.solved, self.fixed, self.partitions, self.stand)
         return chosen, replace(proposed, solved=current)
 
     def completed(
@@ -413,46 +359,10 @@ class _Search:
         problem, current = incumbent.problem, incumbent.solved
         if chosen:
             first = len(current.terms) - len(chosen)
-            lagging = (_with_lag(problem, current, first + k, one, self.partitions) for k, one in enumerate(chosen))
-            chosen, incumbent = _with_fields_by_place(self.build, incumbent, tuple(lagging), self.partitions)
+            lagging = (with_lag(problem, current, first + k, one, self.partitions) for k, one in enumerate(chosen))
+            chosen, incumbent = with_fields_by_place(self.build, incumbent, tuple(lagging), self.partitions)
             problem, current = _in_full(incumbent.problem, incumbent.solved)
         return Selection(before, current, chosen, problem, tuple(self.tried), specimen)
-
-
-def _with_fields_by_place(
-    build: Problem, incumbent: CheckedFit, chosen: tuple[Chosen, ...], partitions: Sequence[Sequence[int]]
-) -> tuple[tuple[Chosen, ...], CheckedFit]:
-    """The terms chosen, fields with how well places by themselves tell of them.
-
-    The first one that foretells little and fits no better, or that foretells worse than nothing, is told so, last of
-    the terms.
-    """
-    fits = fields_by_place(build, incumbent, len(incumbent.solved.terms) - len(chosen))
-    found = [
-        one if fit is None else replace(one, by_place=(fit[0].misfit, fit[1].misfit))
-        for one, fit in zip(chosen, fits, strict=True)
-    ]
-    for number, fit in enumerate(fits):
-        if fit is None or fit[1] is incumbent:
-            continue
-        missed = part_missed(incumbent, fit[0], partitions)
-        if missed < (1.0 if fit[1].spoils(incumbent) else 1 - incumbent.problem.evidence.criteria.most_share):
-            continue
-        told = replace(found[number], term=fit[1].solved.terms[-1])
-        return (*found[:number], *found[number + 1 :], told), fit[1]
-    return tuple(found), incumbent
-
-
-def _likely(trials: Sequence[Trial], criteria: Criteria) -> list[Trial]:
-    """Those that gain at least half of what the best one gains: of less likely ones none takes a field's place."""
-    least = criteria.most_share * max((trial.gain for trial in trials), default=0.0)
-    return [trial for trial in trials if trial.gain >= least]
-
-
-def _short_of(trial: Trial | Candidate, trials: Sequence[Trial] | Sequence[Candidate]) -> Rivals:
-    """The trials, or candidates, of other names, by how much each falls short of this one."""
-    others = [t for t in trials if t.term.name != trial.term.name and t.gain <= (1 + KNOWN) * trial.gain]
-    return tuple(Rival(t.term.effect, trial.gain - t.gain) for t in others)
 
 
 def _as_tried(trial: Trial, kept: bool) -> Tried:
@@ -534,179 +444,7 @@ def _may_remember_air(trial: Trial) -> bool:
     return any(hasattr(part, "remembers_air") for part in in_fabric(trial.solved.effects))
 
 
-def _first_to_hold(
-    build: Problem, incumbent: CheckedFit, trials: Sequence[Trial], partitions: Sequence[Sequence[int]]
-) -> tuple[Trial, CheckedFit] | None:
-    """The first trial that, settled, fits frames solved in full no worse than the incumbent, and where it settles.
-
-    Of forms of one name that gain about as much the best where they settle, with the first one's gain: what a fit in
-    the skin linearised elsewhere gains doesn't tell between them.
-    """
-    left = list(trials)
-    while left:
-        first = left[0]
-        alike = [t for t in left if t.term.name == first.term.name and t.gain > ALIKE * first.gain]
-        left = [t for t in left if t not in alike]
-        forms = alike if len(alike) <= FORMS else sorted(alike, key=lambda t: unlikely(t.solved))[:FORMS]
-        places = [(form, where_it_settles(build, None, form.solved)) for form in forms]
-        held = [(form, fit) for form, fit in places if fit is not None and not fit.spoils(incumbent)]
-        if held:
-            form, fit = _best_form(incumbent, held, partitions)
-            return replace(form, gain=first.gain), fit
-    return None
-
-
-def _best_form(
-    incumbent: CheckedFit, forms: Sequence[tuple[Trial, CheckedFit]], partitions: Sequence[Sequence[int]]
-) -> tuple[Trial, CheckedFit]:
-    """The form that fits best; with a field among those that explain nearly as much, the one that foretells cells best.
-
-    A freer field fits the presses at hand better and runs on between them: on twelve presses of `rig_a` one of 65
-    numbers fitted to 1.06 of the noise and missed presses elsewhere by 3.28, one of ten to 1.08 and 1.14.
-    """
-    least = min(fit.misfit for _, fit in forms)
-    most = incumbent.misfit**2 - least**2
-    explained = min(AS_GOOD * most, most / AS_GOOD)
-    as_good = [pair for pair in forms if incumbent.misfit**2 - pair[1].misfit ** 2 >= explained]
-    if len(as_good) == 1 or all(form.term.modes is None for form, _ in as_good):
-        return min(forms, key=lambda pair: pair[1].misfit)
-    return min(as_good, key=lambda pair: _foretelling(pair[1], partitions))
-
-
-def _foretelling(fit: CheckedFit, partitions: Sequence[Sequence[int]]) -> float:
-    """How unlikely cells held out are by whole fits of the others."""
-    return log_misfit(refitted(fit.problem, fit.solved, partitions), numbers_of(fit.problem, partitions))
-
-
-def _of_few_numbers(
-    build: Problem,
-    incumbent: CheckedFit,
-    entered: tuple[Trial, CheckedFit],
-    trials: Sequence[Trial],
-    partitions: Sequence[Sequence[int]],
-) -> tuple[Trial, CheckedFit]:
-    """A trial of few numbers in place of the field that ``entered``, where it gains most of that, and of the two
-    together is the one that is missed more, and significantly; in a spot's or a line's place where it settles better.
-
-    Any sharp cause looks like a field that is sharp there: a pad out of place like a hill under it.
-    """
-    field, field_fit = entered
-    if not field.term.effect.hypothesis.field:
-        return entered
-    least = incumbent.problem.evidence.criteria.most_share * field.gain
-    smooth = field.term.modes is not None
-
-    def likelier_than(field_fit: CheckedFit, simpler: CheckedFit) -> float | None:
-        if smooth:
-            return _likelier_than_field(simpler, field_fit, field.term, partitions)
-        return _likelier(simpler.solved, field_fit)
-
-    for trial in trials:
-        varies = trial.term.effect.hypothesis.field
-        if trial.term.modes is not None or trial.term.name == field.term.name or (varies and not smooth):
-            continue
-        if trial.gain < least:
-            continue
-        simpler = where_it_settles(build, None, trial.solved)
-        if simpler is None or simpler.spoils(incumbent):
-            continue
-        likelier = likelier_than(field_fit, simpler)
-        if likelier is None and not varies:
-            # A field takes up whatever a form that isn't freed leaves.
-            simpler, field_fit = refined(build, simpler, partitions), refined(build, field_fit, partitions)
-            likelier = likelier_than(field_fit, simpler)
-        if likelier is not None:
-            return replace(trial, gain=field.gain + likelier), simpler
-    return field, field_fit
-
-
-def _likelier(solved: Solved, other: CheckedFit, least: float = 0.0) -> float | None:
-    """By how much a fit is likelier than another of its frames; None where not significantly, or by ``least`` at
-    most."""
-    counted = other.solved
-    if counted.leftover != solved.leftover:
-        counted = other.problem.solve(counted.terms, counted.calibration, steps=1, leftover=solved.leftover)
-    likelier = unlikely(counted) - unlikely(solved)
-    return likelier if likelier > max(other.problem.evidence.criteria.significant_gain, least) else None
-
-
-def _likelier_than_field(
-    simpler: CheckedFit, field_fit: CheckedFit, field: Term, partitions: Sequence[Sequence[int]]
-) -> float | None:
-    """By how much both together are likelier than the field alone; None where the field is the one missed more, or
-    neither significantly."""
-    problem, solved = simpler.problem, simpler.solved
-    begun = problem.solve([*solved.terms, Term(type(field.effect)(), ())], solved.calibration, steps=0)
-    both = with_smooth_field(problem, begun, len(solved.terms), partitions) or solved
-    return _likelier(both, field_fit, unlikely(begun) - unlikely(both))
-
-
-def _promises(incumbent: CheckedFit, proposed: CheckedFit, field: Term, partitions: Sequence[Sequence[int]]) -> bool:
-    """Whether a proposed fit is likelier than the incumbent, as it is or with a smooth field of this kind beside it.
-
-    What would follow takes several times as long to find: a search more on 36 presses. How much likelier is asked of
-    what it comes to: a fit whose field isn't settled yet doesn't tell.
-    """
-    problem, solved = proposed.problem, proposed.solved
-    begun = problem.solve([*solved.terms, Term(type(field.effect)(), ())], solved.calibration, steps=0)
-    both = with_smooth_field(problem, begun, len(solved.terms), partitions)
-    fits = [proposed] if both is None else [proposed, replace(proposed, solved=both)]
-    return any(gain_of_exchange(incumbent, fit) > 0 for fit in fits)
-
-
 def _gone_elsewhere(build: Problem, problem: VoltageProblem, solved: Solved) -> CheckedFit | None:
     """Where a fit of the ``problem`` comes to rest; None where it rests already."""
     fit = where_it_settles(build, problem, solved)
     return None if fit is None or fit.problem is problem else fit
-
-
-def _key(term: Term) -> str:
-    return f"{term.name}:{getattr(term.effect, 'electrode', getattr(term.effect, 'channel', ''))}"
-
-
-def _backward(
-    problem: VoltageProblem,
-    current: Solved,
-    fixed: int,
-    partitions: Sequence[Sequence[int]],
-    stand: dict[str, Rivals],
-) -> tuple[tuple[Chosen, ...], Solved]:
-    """Drop terms the others have made superfluous; what each of the rest is worth."""
-    frames = residual_count(problem)
-    while True:
-        instrument = any(shown_by(t.effect, Signal.NONRECIPROCAL) for t in current.terms)
-        if instrument or current.leftover:
-            # With the instrument's last term what no network explains counts no longer.
-            current = problem.solve(current.terms, current.calibration, steps=2, leftover=instrument)
-        chosen, dropped = [], None
-        for k in range(fixed, len(current.terms)):
-            rest = [t for i, t in enumerate(current.terms) if i != k]
-            without = problem.solve(rest, current.calibration, steps=5, leftover=instrument)
-            loss = gained(without, current, partitions, problem.evidence.criteria)
-            term = current.terms[k]
-            if not is_worth_a_name(problem, current, term, loss):
-                loss = max(loss, loss_beside_fields(problem, current, without, k))
-            if not is_worth_a_name(problem, current, term, loss) and (dropped is None or loss < dropped[0]):
-                dropped = (loss, without)
-            # The instrument's terms gain in every reading, the others in the pairs.
-            width = problem.evidence.protocol.orthonormal.shape[0 if shown_by(term.effect, Signal.NONRECIPROCAL) else 1]
-            alone = float(np.sqrt(1 + 2 * max(loss, 0.0) / (frames * width / problem.evidence.scan_v.shape[1])))
-            chosen.append(Chosen(term, loss, alone, stand.get(_key(term), ())))
-        if dropped is None:
-            return tuple(chosen), current
-        current = dropped[1]
-
-
-def _with_lag(
-    problem: VoltageProblem, current: Solved, number: int, chosen: Chosen, partitions: Sequence[Sequence[int]]
-) -> Chosen:
-    """The term of this ``number`` with what the fit, the specimen's included, loses where it follows presses at
-    once."""
-    term = current.terms[number]
-    at_once = term.effect.at_once(term.free)
-    if at_once is None:
-        return chosen
-    terms = [*current.terms[:number], Term(at_once.effect, at_once.free), *current.terms[number + 1 :]]
-    static = problem.solve(terms, current.calibration, leftover=current.leftover)
-    of_specimen = float(static.fit.quadratic.cost[-1] - current.fit.quadratic.cost[-1])
-    return replace(chosen, by_lag=gained(static, current, partitions, problem.evidence.criteria) + of_specimen)

@@ -15,7 +15,7 @@ from ertskin.diagnosis.fit.full_solution_check import CheckedFit
 from ertskin.diagnosis.fit.joint_fit import Solved, Term, _numbers, held_out
 from ertskin.diagnosis.fit.levenberg_marquardt import Fit
 from ertskin.diagnosis.fit.quadratic import Quadratic
-from ertskin.diagnosis.search import selection, settling, trials
+from ertskin.diagnosis.search import entering, selection, settling, trials
 from ertskin.physics.conduction.mesh import MeshError
 from ertskin.physics.effects.crosstalk import Crosstalk
 from ertskin.physics.effects.indenter_offset import IndenterOffset
@@ -126,10 +126,10 @@ def test_a_term_that_spoils_frames_solved_in_full_gives_way_to_the_next(monkeypa
     settle = {"wild": wild, "tame": tame}
     monkeypatch.setattr(settling, "settled", lambda build, solved: settle[solved])
     trials = [trial("wild", "one", 50.0), trial("tame", "other", 40.0)]
-    found = selection._first_to_hold(None, incumbent, trials, [])  # type: ignore[arg-type]
+    found = entering.first_to_hold(None, incumbent, trials, [])  # type: ignore[arg-type]
     assert found is not None
     assert (found[0].solved, found[1]) == ("tame", tame)
-    assert selection._first_to_hold(None, incumbent, trials[:1], []) is None  # type: ignore[arg-type]
+    assert entering.first_to_hold(None, incumbent, trials[:1], []) is None  # type: ignore[arg-type]
 
 
 def trial(solved: str, name: str, gain: float, modes: Any = None) -> trials.Trial:
@@ -144,7 +144,7 @@ def test_of_forms_that_gain_alike_the_one_that_fits_best_where_it_settles(
     settle = {"first": first, "second": second}
     monkeypatch.setattr(settling, "settled", lambda build, solved: settle[solved])
     trials = [trial("first", "spot", 50.0), trial("second", "spot", gain)]
-    found = selection._first_to_hold(None, incumbent, trials, [])  # type: ignore[arg-type]
+    found = entering.first_to_hold(None, incumbent, trials, [])  # type: ignore[arg-type]
     assert found is not None
     assert found[1] is settle[best]
     # A rival is short of what the effect gains in its best form.
@@ -161,10 +161,10 @@ def test_of_forms_of_a_field_that_explain_alike_the_one_that_foretells_cells_bes
     }
     monkeypatch.setattr(settling, "settled", lambda build, solved: settle[solved])
     costs = {"free": 20.0, "few": foretold}
-    monkeypatch.setattr(selection, "_foretelling", lambda fit, partitions: costs[fit.solved])
+    monkeypatch.setattr(entering, "_foretelling", lambda fit, partitions: costs[fit.solved])
     incumbent = CheckedFit(PROBLEM, None, 3.0, 0.0)  # type: ignore[arg-type]
     trials = [trial("free", "field", 50.0, modes="many"), trial("few", "field", 45.0)]
-    found = selection._first_to_hold(None, incumbent, trials, [[0], [1]])  # type: ignore[arg-type]
+    found = entering.first_to_hold(None, incumbent, trials, [[0], [1]])  # type: ignore[arg-type]
     assert found is not None
     assert found[1] is settle[best]
 
@@ -173,7 +173,7 @@ def test_a_form_that_gains_less_has_its_turn_where_the_best_spoils(monkeypatch: 
     incumbent, wild, tame = (CheckedFit(PROBLEM, None, misfit, 0.0) for misfit in (3.0, 9.0, 2.0))  # type: ignore[arg-type]
     monkeypatch.setattr(settling, "settled", lambda build, solved: {"wild": wild, "tame": tame}[solved])
     trials = [trial("wild", "spot", 100.0), trial("tame", "spot", 30.0)]
-    found = selection._first_to_hold(None, incumbent, trials, [])  # type: ignore[arg-type]
+    found = entering.first_to_hold(None, incumbent, trials, [])  # type: ignore[arg-type]
     assert found is not None
     assert found[1] is tame
 
@@ -195,7 +195,7 @@ def test_a_trial_that_settles_where_no_sheet_is_gives_way_too(error: Exception, 
     incumbent, tame = (CheckedFit(PROBLEM, None, misfit, 0.0) for misfit in (3.0, 2.0))  # type: ignore[arg-type]
     monkeypatch.setattr(settling, "settled", settle)
     trials = [trial("nowhere", "one", 50.0), trial("there", "other", 40.0)]
-    found = selection._first_to_hold(None, incumbent, trials, [])  # type: ignore[arg-type]
+    found = entering.first_to_hold(None, incumbent, trials, [])  # type: ignore[arg-type]
     assert found is not None
     assert (found[0].solved, found[1]) == ("there", tame)
 

@@ -12,7 +12,7 @@ from ertskin.diagnosis.force.agreement import agreed
 from ertskin.diagnosis.force.fit import ForceData, fit_force
 from ertskin.diagnosis.force.noise import ForceNoise
 from ertskin.diagnosis.rest.baseline import Baseline
-from ertskin.diagnosis.search.selection import Selection
+from ertskin.diagnosis.search.chosen import Selection
 from ertskin.physics.effects.effect import FoamEffect, MotionEffect
 from ertskin.physics.effects.scan_skew import ScanSkew
 from ertskin.physics.effects.viscoelastic_foam import ViscoelasticFoam

@@ -245,8 +245,8 @@ def test_a_limit_is_half_as_sure_where_the_readings_below_it_are_not_straight() 
     straight, curved = (
         SimpleNamespace(evidence=evidence, instrument_off=off, criteria=DEFAULT) for off in (False, True)
     )
-    assert _instrument_claims(straight)[0].confidence == DEFAULT.saturation_confidence  # type: ignore[arg-type]
-    assert _instrument_claims(curved)[0].confidence == 0.5 * DEFAULT.saturation_confidence  # type: ignore[arg-type]
+    assert _instrument_claims(straight)[0].confidence == DEFAULT.measured_confidence  # type: ignore[arg-type]
+    assert _instrument_claims(curved)[0].confidence == 0.5 * DEFAULT.measured_confidence  # type: ignore[arg-type]
     assert _instrument_claims(straight)[0].parameters["limit_v"].value == 5.0  # type: ignore[arg-type]
 
 

@@ -55,5 +55,5 @@ def test_those_that_settle_are_claimed_however_little_they_do() -> None:
 def test_the_largest_comes_first_and_what_is_left_is_not_claimed() -> None:
     assert claimed([0.01, 1.0, 0.5, 0.02]) == [1, 2]
     first = drift_claims(selection([0.01, 1.0]))[0]
-    assert first.confidence == DEFAULT.drift_confidence
+    assert first.confidence == DEFAULT.measured_confidence
     assert first.ratio_alone == pytest.approx(np.sqrt(2.0), rel=1e-3)

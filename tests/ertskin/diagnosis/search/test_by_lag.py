@@ -9,7 +9,8 @@ import pytest
 from small_problem import PARTITIONS, START, recorded
 
 from ertskin.diagnosis.fit.joint_fit import Solved, Term, VoltageProblem
-from ertskin.diagnosis.search.selection import Chosen, _with_lag
+from ertskin.diagnosis.search.backward import with_lag
+from ertskin.diagnosis.search.chosen import Chosen
 from ertskin.physics.effects.effect import Effect
 from ertskin.physics.effects.piezo_creep import PiezoCreep
 from ertskin.physics.effects.piezo_hysteresis import PiezoHysteresis
@@ -21,7 +22,7 @@ QUICK = PiezoCreep(fraction=0.2, time_s=0.05, multiplies=True, half_pa=2e4)
 def lost_at_once(hidden: Effect, free: tuple[str, ...]) -> float | None:
     problem = recorded(hidden)
     solved = problem.solve([Term(hidden, free)], START)
-    return _with_lag(problem, solved, 0, Chosen(solved.terms[0], 0.0, 1.0, ()), PARTITIONS).by_lag
+    return with_lag(problem, solved, 0, Chosen(solved.terms[0], 0.0, 1.0, ()), PARTITIONS).by_lag
 
 
 def test_a_creep_that_lags_loses_much_where_it_follows_at_once() -> None:
@@ -44,7 +45,7 @@ def test_what_the_specimen_loses_counts_too(monkeypatch: pytest.MonkeyPatch) -> 
         return replace(solved, fit=replace(solved.fit, quadratic=replace(quadratic, cost=cost)))
 
     monkeypatch.setattr(VoltageProblem, "solve", worse_on_the_specimen)
-    found = _with_lag(problem, solved, 0, Chosen(solved.terms[0], 0.0, 1.0, ()), PARTITIONS)
+    found = with_lag(problem, solved, 0, Chosen(solved.terms[0], 0.0, 1.0, ()), PARTITIONS)
     assert found.by_lag == pytest.approx(40.0)
 
 

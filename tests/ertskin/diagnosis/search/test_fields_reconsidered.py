@@ -14,7 +14,7 @@ from ertskin.diagnosis.contract.claims import Tried
 from ertskin.diagnosis.criteria import DEFAULT
 from ertskin.diagnosis.fit.full_solution_check import CheckedFit
 from ertskin.diagnosis.fit.joint_fit import Term
-from ertskin.diagnosis.search import selection
+from ertskin.diagnosis.search import entering, selection
 from ertskin.diagnosis.search.candidates import Candidate
 from ertskin.physics.effects.effect import Effect
 from ertskin.physics.effects.self_heating import SelfHeating
@@ -149,7 +149,7 @@ def with_what_is_hidden(
     monkeypatch.setattr(selection, "where_it_settles", lambda build, problem, solved: fit_of(*solved.terms))
     monkeypatch.setattr(selection, "refined", lambda build, fit, partitions: fit)
     monkeypatch.setattr(selection, "gain_of_exchange", lambda present, proposed: gain)
-    monkeypatch.setattr(selection, "_promises", lambda incumbent, proposed, field, partitions: promises)
+    monkeypatch.setattr(selection, "promises", lambda incumbent, proposed, field, partitions: promises)
     monkeypatch.setattr(selection._Search, "one_more", lambda search, without, wanted: None)
     monkeypatch.setattr(selection._Search, "_where_readings_remember", lambda search, fit: fit)
     monkeypatch.setattr(selection._Search, "_without_drifts", lambda search, fit: fit)
@@ -224,8 +224,8 @@ def test_a_fit_promises_what_it_gains_alone_or_beside_the_field(
     both = None if with_field is None else fit_of(PAD, FIELD).solved
     solved: Any = proposed.problem
     solved.solve = lambda terms, calibration, steps: fit_of(*terms).solved
-    monkeypatch.setattr(selection, "with_smooth_field", lambda problem, begun, number, partitions: both)
+    monkeypatch.setattr(entering, "with_smooth_field", lambda problem, begun, number, partitions: both)
     monkeypatch.setattr(
-        selection, "gain_of_exchange", lambda present, fit: alone if fit is proposed else cast(float, with_field)
+        entering, "gain_of_exchange", lambda present, fit: alone if fit is proposed else cast(float, with_field)
     )
-    assert selection._promises(incumbent, proposed, Term(UNEVEN, ("amplitude",)), []) is promises
+    assert entering.promises(incumbent, proposed, Term(UNEVEN, ("amplitude",)), []) is promises

@@ -12,8 +12,8 @@ import pytest
 from ertskin.diagnosis.criteria import DEFAULT
 from ertskin.diagnosis.fit.cross_validation import log_misfit, refitted
 from ertskin.diagnosis.search import foretold
+from ertskin.diagnosis.search.chosen import Selection
 from ertskin.diagnosis.search.foretold import that_foretells
-from ertskin.diagnosis.search.selection import Selection
 
 PLACE = np.linspace(-1, 1, 12)
 PARTITIONS = [[k] for k in range(6)]

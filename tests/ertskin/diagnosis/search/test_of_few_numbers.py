@@ -7,7 +7,7 @@ from small_problem import PARTITIONS, START, recorded
 
 from ertskin.diagnosis.fit.full_solution_check import CheckedFit, checked_fit
 from ertskin.diagnosis.fit.joint_fit import Term, VoltageProblem
-from ertskin.diagnosis.search.selection import _of_few_numbers
+from ertskin.diagnosis.search.entering import of_few_numbers
 from ertskin.diagnosis.search.trials import Trial
 from ertskin.physics.effects.effect import Effect
 from ertskin.physics.effects.sheet_anisotropy import SheetAnisotropy
@@ -32,7 +32,7 @@ def test_what_settles_better_than_a_hill_takes_its_place(hidden: Effect) -> None
     problem, incumbent, trials, hill = entered(hidden)
     # What the linearised sheet makes of both is as good: that of the hill is first.
     alike = [Trial(trial.term, 1e9, trial.solved) for trial in trials]
-    found, fit = _of_few_numbers(lambda solved: problem, incumbent, (alike[0], hill), alike, PARTITIONS)
+    found, fit = of_few_numbers(lambda solved: problem, incumbent, (alike[0], hill), alike, PARTITIONS)
     assert found.term.name == hidden.name
     assert [term.name for term in fit.solved.terms] == [hidden.name]
 
@@ -40,5 +40,5 @@ def test_what_settles_better_than_a_hill_takes_its_place(hidden: Effect) -> None
 def test_what_gains_little_of_it_is_not_asked() -> None:
     problem, incumbent, (hill_trial, stretch), hill = entered(STRETCH)
     little = Trial(stretch.term, 0.1 * hill_trial.gain, stretch.solved)
-    found, _ = _of_few_numbers(lambda solved: problem, incumbent, (hill_trial, hill), [hill_trial, little], PARTITIONS)
+    found, _ = of_few_numbers(lambda solved: problem, incumbent, (hill_trial, hill), [hill_trial, little], PARTITIONS)
     assert found is hill_trial
