@@ -15,7 +15,9 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from ertskin.diagnosis.fit.joint_fit import Solved, Term, VoltageProblem
+from ertskin.diagnosis.fit.joint_fit import VoltageProblem
+from ertskin.diagnosis.fit.solved import Solved
+from ertskin.diagnosis.fit.terms import Term
 from ertskin.diagnosis.search.candidates import displacement_columns
 from ertskin.diagnosis.search.smooth_fields import at_nodes, node_shape
 from ertskin.physics.effects.effect import AcquisitionEffect, Effect, ElectrodeEffect, Start, shown_by

@@ -17,7 +17,9 @@ from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from ertskin.diagnosis.fit.full_solution_check import exact, settled
-from ertskin.diagnosis.fit.joint_fit import Solved, Term, VoltageProblem
+from ertskin.diagnosis.fit.joint_fit import VoltageProblem
+from ertskin.diagnosis.fit.solved import Solved
+from ertskin.diagnosis.fit.terms import Term
 from ertskin.diagnosis.linear.calibration_vector import Calibration
 from ertskin.diagnosis.search.chosen import Chosen, Selection
 from ertskin.physics.conduction.mesh import MeshError

@@ -16,7 +16,9 @@ from dictionary import dictionaries
 from numpy.typing import NDArray
 
 from ertskin.diagnosis.fit.full_solution_check import CheckedFit, exact, settled
-from ertskin.diagnosis.fit.joint_fit import Solved, Term, VoltageProblem
+from ertskin.diagnosis.fit.joint_fit import VoltageProblem
+from ertskin.diagnosis.fit.solved import Solved
+from ertskin.diagnosis.fit.terms import Term
 from ertskin.diagnosis.linear.calibration_vector import Calibration
 from ertskin.diagnosis.search.chosen import Chosen, Selection
 from ertskin.diagnosis.search.selection import MOST_TERMS

@@ -10,7 +10,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from ertskin.diagnosis.contract.claims import Diagnosis
-from ertskin.diagnosis.fit.joint_fit import Solved, Term, VoltageProblem
+from ertskin.diagnosis.fit.joint_fit import VoltageProblem
+from ertskin.diagnosis.fit.solved import Solved
+from ertskin.diagnosis.fit.terms import Term
 from ertskin.diagnosis.judge.held_out import ratio
 from ertskin.diagnosis.judge.remainder import remainder
 from ertskin.diagnosis.judge.result import Findings

@@ -22,7 +22,7 @@ import numpy as np  # noqa: E402
 
 from ertskin.diagnosis.any_recording import diagnose_any  # noqa: E402
 from ertskin.diagnosis.criteria import DEFAULT  # noqa: E402
-from ertskin.diagnosis.fit.joint_fit import Term  # noqa: E402
+from ertskin.diagnosis.fit.terms import Term  # noqa: E402
 from ertskin.diagnosis.linear.calibration_vector import Calibration  # noqa: E402
 from ertskin.diagnosis.search.candidates import screen  # noqa: E402
 from ertskin.diagnosis.search.chosen import Selection  # noqa: E402

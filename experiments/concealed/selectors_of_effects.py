@@ -13,7 +13,9 @@ from scipy.stats import chi2
 from scipy.stats import f as f_distribution
 
 from ertskin.diagnosis.contract.claims import Rival
-from ertskin.diagnosis.fit.joint_fit import Solved, Term, VoltageProblem
+from ertskin.diagnosis.fit.joint_fit import VoltageProblem
+from ertskin.diagnosis.fit.solved import Solved
+from ertskin.diagnosis.fit.terms import Term
 from ertskin.diagnosis.linear.calibration_vector import Calibration
 from ertskin.diagnosis.search.candidates import Candidate, screen
 from ertskin.diagnosis.search.chosen import Chosen, Selection

@@ -26,7 +26,8 @@ from small_skin import FOUR_PRESSES, SMALL, four_presses, small_law, small_senso
 
 from ertskin.diagnosis import skin as whole_diagnosis
 from ertskin.diagnosis.contract.claims import Claim, Diagnosis, HeldOut
-from ertskin.diagnosis.fit.joint_fit import Solved, VoltageProblem
+from ertskin.diagnosis.fit.joint_fit import VoltageProblem
+from ertskin.diagnosis.fit.solved import Solved
 from ertskin.diagnosis.judge.answer import _as_chosen
 from ertskin.diagnosis.judge.result import Findings
 from ertskin.diagnosis.linear.calibration_vector import SHAPE, Calibration, SkinFamily

@@ -36,7 +36,7 @@ from generator.strength import COARSE
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from ertskin.diagnosis.fit.joint_fit import Modes
+from ertskin.diagnosis.fit.terms import Modes
 from ertskin.diagnosis.search.smooth_fields import (
     ACROSS,
     ANGLES,

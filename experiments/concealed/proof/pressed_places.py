@@ -23,7 +23,7 @@ from judged import Judged  # noqa: E402
 from numpy.typing import NDArray  # noqa: E402
 from opened_sample import judged, opened  # noqa: E402
 
-from ertskin.diagnosis.fit.joint_fit import Term  # noqa: E402
+from ertskin.diagnosis.fit.terms import Term  # noqa: E402
 from ertskin.diagnosis.judge.quantities import NEXT_TO_M  # noqa: E402
 from ertskin.diagnosis.recording.evidence import gather  # noqa: E402
 from ertskin.diagnosis.recording.split import all_fitted  # noqa: E402

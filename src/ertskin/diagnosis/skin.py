@@ -13,7 +13,9 @@ from ertskin.diagnosis.contract.claims import Diagnosis, HeldOut, Rival
 from ertskin.diagnosis.criteria import DEFAULT, Criteria
 from ertskin.diagnosis.design.doubtful_claim import settling_press
 from ertskin.diagnosis.fit.full_solution_check import Problem, exact, settled
-from ertskin.diagnosis.fit.joint_fit import Solved, Term, VoltageProblem
+from ertskin.diagnosis.fit.joint_fit import VoltageProblem
+from ertskin.diagnosis.fit.solved import Solved
+from ertskin.diagnosis.fit.terms import Term
 from ertskin.diagnosis.force.agreement import agreed
 from ertskin.diagnosis.judge.answer import answered
 from ertskin.diagnosis.judge.held_out import Predictions, predictions, ratio

@@ -22,9 +22,10 @@ from ertskin.diagnosis.contract.claims import (
 )
 from ertskin.diagnosis.criteria import DEFAULT
 from ertskin.diagnosis.fit.bounded_step import Region
-from ertskin.diagnosis.fit.joint_fit import Solved, VoltageProblem
+from ertskin.diagnosis.fit.joint_fit import VoltageProblem
 from ertskin.diagnosis.fit.levenberg_marquardt import Fit, descend
 from ertskin.diagnosis.fit.quadratic import Quadratic
+from ertskin.diagnosis.fit.solved import Solved
 from ertskin.diagnosis.force.fit import ForceData, fit_force, force_starts
 from ertskin.diagnosis.force.selection import select_force_effects
 from ertskin.diagnosis.judge.held_out import broad_ratio

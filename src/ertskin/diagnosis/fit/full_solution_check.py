@@ -9,8 +9,10 @@ from typing import cast
 import numpy as np
 from numpy.typing import NDArray
 
-from ertskin.diagnosis.fit.joint_fit import Solved, VoltageProblem, halfway
+from ertskin.diagnosis.fit.joint_fit import VoltageProblem
+from ertskin.diagnosis.fit.layout import halfway
 from ertskin.diagnosis.fit.levenberg_marquardt import Fit
+from ertskin.diagnosis.fit.solved import Solved
 
 Problem = Callable[[Solved | None], VoltageProblem]
 

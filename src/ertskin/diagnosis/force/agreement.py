@@ -11,7 +11,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from ertskin.diagnosis.fit.joint_fit import Solved, Term, VoltageProblem
+from ertskin.diagnosis.fit.joint_fit import VoltageProblem
+from ertskin.diagnosis.fit.solved import Solved
+from ertskin.diagnosis.fit.terms import Term
 from ertskin.diagnosis.force.fit import ForceData, ForceFit, fit_force, force_starts
 from ertskin.diagnosis.linear.calibration_vector import SkinFamily
 from ertskin.diagnosis.recording.evidence import Evidence

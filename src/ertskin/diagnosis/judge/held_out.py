@@ -10,7 +10,7 @@ from scipy.stats import chi2, f
 
 from ertskin.diagnosis.criteria import Criteria
 from ertskin.diagnosis.fit.full_scans import full_scans
-from ertskin.diagnosis.fit.joint_fit import Solved
+from ertskin.diagnosis.fit.solved import Solved
 from ertskin.diagnosis.linear.calibration_vector import SkinFamily
 from ertskin.diagnosis.recording.evidence import Evidence
 from ertskin.diagnosis.rest.baseline import Baseline

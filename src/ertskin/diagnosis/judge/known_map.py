@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ertskin.diagnosis.contract.claims import FieldMap
-from ertskin.diagnosis.fit.joint_fit import Solved
+from ertskin.diagnosis.fit.solved import Solved
 from ertskin.diagnosis.judge.map_probability import (
     Places,
     errors_among,

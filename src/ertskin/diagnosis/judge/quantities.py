@@ -11,7 +11,7 @@ from scipy.stats import chi2
 
 from ertskin.diagnosis.contract.claims import QUANTILE, Claim, Estimate, FieldMap
 from ertskin.diagnosis.criteria import Criteria
-from ertskin.diagnosis.fit.joint_fit import Solved
+from ertskin.diagnosis.fit.solved import Solved
 from ertskin.diagnosis.force.fit import ForceFit
 from ertskin.diagnosis.judge.confidence import explained, reasoned
 from ertskin.diagnosis.judge.known_map import known_map, where_pressed

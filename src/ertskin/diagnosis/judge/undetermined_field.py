@@ -10,7 +10,9 @@ from typing import cast
 import numpy as np
 from numpy.typing import NDArray
 
-from ertskin.diagnosis.fit.joint_fit import Modes, Solved, VoltageProblem
+from ertskin.diagnosis.fit.joint_fit import VoltageProblem
+from ertskin.diagnosis.fit.solved import Solved
+from ertskin.diagnosis.fit.terms import Modes
 from ertskin.diagnosis.search.smooth_fields import node_covariance, node_shape
 from ertskin.physics.effects.smooth_field import field_design
 

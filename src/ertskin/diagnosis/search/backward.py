@@ -8,7 +8,9 @@ from dataclasses import replace
 import numpy as np
 
 from ertskin.diagnosis.fit.full_solution_check import CheckedFit, Problem
-from ertskin.diagnosis.fit.joint_fit import Solved, Term, VoltageProblem
+from ertskin.diagnosis.fit.joint_fit import VoltageProblem
+from ertskin.diagnosis.fit.solved import Solved
+from ertskin.diagnosis.fit.terms import Term
 from ertskin.diagnosis.search.behind_fields import loss_beside_fields
 from ertskin.diagnosis.search.chosen import Chosen, Rivals, key_of
 from ertskin.diagnosis.search.gain import gained

@@ -14,7 +14,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from ertskin.diagnosis.fit.joint_fit import Solved, VoltageProblem
+from ertskin.diagnosis.fit.joint_fit import VoltageProblem
+from ertskin.diagnosis.fit.solved import Solved
 from ertskin.diagnosis.search.candidates import Candidate, Direction, like_a_field
 from ertskin.diagnosis.search.gain import freedom
 from ertskin.diagnosis.search.smooth_fields import SPREADS, NodeQuadratic, covariances, evidences

@@ -10,8 +10,10 @@ from typing import cast
 import numpy as np
 from numpy.typing import NDArray
 
-from ertskin.diagnosis.fit.joint_fit import Solved, Term, VoltageProblem
+from ertskin.diagnosis.fit.joint_fit import VoltageProblem
 from ertskin.diagnosis.fit.nonreciprocal import readings_met
+from ertskin.diagnosis.fit.solved import Solved
+from ertskin.diagnosis.fit.terms import Term
 from ertskin.diagnosis.search.first_order_gain import (
     Moved,
     add_leftover,

@@ -9,7 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ertskin.diagnosis.fit.full_solution_check import CheckedFit
-from ertskin.diagnosis.fit.joint_fit import Solved, Term, VoltageProblem
+from ertskin.diagnosis.fit.joint_fit import VoltageProblem
+from ertskin.diagnosis.fit.solved import Solved
+from ertskin.diagnosis.fit.terms import Term
 from ertskin.physics.effects.effect import Effect
 from ertskin.physics.effects.hypothesis import Measured
 

@@ -9,7 +9,8 @@ from ertskin.diagnosis.contract.claims import Rival
 from ertskin.diagnosis.criteria import Criteria
 from ertskin.diagnosis.fit.cross_validation import log_misfit, numbers_of, refitted
 from ertskin.diagnosis.fit.full_solution_check import CheckedFit, Problem
-from ertskin.diagnosis.fit.joint_fit import Solved, Term
+from ertskin.diagnosis.fit.solved import Solved
+from ertskin.diagnosis.fit.terms import Term
 from ertskin.diagnosis.search.candidates import Candidate
 from ertskin.diagnosis.search.chosen import Rivals
 from ertskin.diagnosis.search.exchange import gain_of_exchange

@@ -7,8 +7,10 @@ from dataclasses import dataclass
 from functools import cache, partial
 
 from ertskin.diagnosis.fit.full_solution_check import CheckedFit, Problem
-from ertskin.diagnosis.fit.joint_fit import Solved, Term, VoltageProblem
+from ertskin.diagnosis.fit.joint_fit import VoltageProblem
 from ertskin.diagnosis.fit.nonreciprocal import acquires
+from ertskin.diagnosis.fit.solved import Solved
+from ertskin.diagnosis.fit.terms import Term
 from ertskin.diagnosis.search.behind_fields import spare_evidence
 from ertskin.diagnosis.search.gain import freedom, gained
 from ertskin.diagnosis.search.settling import refined, where_it_settles

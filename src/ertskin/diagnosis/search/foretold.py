@@ -11,8 +11,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ertskin.diagnosis.fit.cells_held_out import held_out
 from ertskin.diagnosis.fit.cross_validation import log_misfit, numbers_of, refitted, scans_by_part
-from ertskin.diagnosis.fit.joint_fit import Solved, VoltageProblem, held_out
+from ertskin.diagnosis.fit.joint_fit import VoltageProblem
+from ertskin.diagnosis.fit.solved import Solved
 from ertskin.diagnosis.search.chosen import Selection
 
 Array = NDArray[np.float64]

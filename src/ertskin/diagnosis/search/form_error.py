@@ -15,8 +15,9 @@ from typing import cast
 import numpy as np
 from numpy.typing import NDArray
 
-from ertskin.diagnosis.fit.joint_fit import Solved, VoltageProblem
+from ertskin.diagnosis.fit.joint_fit import VoltageProblem
 from ertskin.diagnosis.fit.nonreciprocal import instruments
+from ertskin.diagnosis.fit.solved import Solved
 from ertskin.diagnosis.search.first_order_gain import (
     add_leftover,
     beyond_networks,

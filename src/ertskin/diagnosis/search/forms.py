@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from ertskin.diagnosis.fit.joint_fit import Term
+from ertskin.diagnosis.fit.terms import Term
 
 
 def form_of(term: Term) -> tuple[object, ...]:

@@ -7,7 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from ertskin.diagnosis.criteria import Criteria
-from ertskin.diagnosis.fit.joint_fit import Solved, held_out
+from ertskin.diagnosis.fit.cells_held_out import held_out
+from ertskin.diagnosis.fit.solved import Solved
 
 
 def gained(without: Solved, present: Solved, partitions: Sequence[Sequence[int]], criteria: Criteria) -> float:

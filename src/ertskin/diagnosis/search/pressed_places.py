@@ -16,7 +16,9 @@ from numpy.typing import NDArray
 
 from ertskin.diagnosis.fit.cross_validation import log_misfit, numbers_of, refitted
 from ertskin.diagnosis.fit.full_solution_check import CheckedFit, Problem, checked_fit
-from ertskin.diagnosis.fit.joint_fit import Modes, Solved, Term, VoltageProblem
+from ertskin.diagnosis.fit.joint_fit import VoltageProblem
+from ertskin.diagnosis.fit.solved import Solved
+from ertskin.diagnosis.fit.terms import Modes, Term
 from ertskin.diagnosis.linear.calibration_vector import Calibration
 from ertskin.diagnosis.search.settling import where_it_settles
 from ertskin.diagnosis.search.smooth_fields import MOST_MODES, SPREADS, covariance_half, node_shape

@@ -11,7 +11,9 @@ from numpy.typing import NDArray
 
 from ertskin.diagnosis.contract.claims import Rival, Tried
 from ertskin.diagnosis.fit.full_solution_check import CheckedFit, Problem, checked_fit, exact, settled
-from ertskin.diagnosis.fit.joint_fit import Solved, Term, VoltageProblem
+from ertskin.diagnosis.fit.joint_fit import VoltageProblem
+from ertskin.diagnosis.fit.solved import Solved
+from ertskin.diagnosis.fit.terms import Term
 from ertskin.diagnosis.linear.calibration_vector import WIDEST_RATIO, Calibration
 from ertskin.diagnosis.search.backward import backward, with_fields_by_place, with_lag
 from ertskin.diagnosis.search.behind_fields import behind_field, smooth_fields_of

@@ -8,7 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from ertskin.diagnosis.fit.full_solution_check import CheckedFit, Problem, checked_fit, settled
-from ertskin.diagnosis.fit.joint_fit import Solved, VoltageProblem
+from ertskin.diagnosis.fit.joint_fit import VoltageProblem
+from ertskin.diagnosis.fit.solved import Solved
 from ertskin.diagnosis.search.forms import freer
 from ertskin.diagnosis.search.gain import gained
 from ertskin.diagnosis.search.smooth_fields import with_smooth_fields

@@ -20,8 +20,11 @@ from typing import cast
 import numpy as np
 from numpy.typing import NDArray
 
+from ertskin.diagnosis.fit.cells_held_out import held_out
 from ertskin.diagnosis.fit.cross_validation import log_misfit, numbers_of
-from ertskin.diagnosis.fit.joint_fit import Modes, Solved, Term, VoltageProblem, held_out
+from ertskin.diagnosis.fit.joint_fit import VoltageProblem
+from ertskin.diagnosis.fit.solved import Solved
+from ertskin.diagnosis.fit.terms import Modes, Term
 from ertskin.diagnosis.search.first_order_gain import held_out_gain
 from ertskin.diagnosis.search.gain import freedom
 from ertskin.physics.effects.effect import Effect, Start

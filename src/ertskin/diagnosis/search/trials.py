@@ -9,7 +9,9 @@ import numpy as np
 
 from ertskin.diagnosis.criteria import Criteria
 from ertskin.diagnosis.fit.full_solution_check import CheckedFit
-from ertskin.diagnosis.fit.joint_fit import Solved, Term, VoltageProblem
+from ertskin.diagnosis.fit.joint_fit import VoltageProblem
+from ertskin.diagnosis.fit.solved import Solved
+from ertskin.diagnosis.fit.terms import Term
 from ertskin.diagnosis.search.candidates import Candidate
 from ertskin.diagnosis.search.form_error import form_error
 from ertskin.diagnosis.search.forms import form_of

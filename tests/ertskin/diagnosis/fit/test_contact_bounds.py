@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ertskin.diagnosis.fit.joint_fit import FARTHEST_CONTACT, MOST_OHM, Term, _Layout
+from ertskin.diagnosis.fit.layout import FARTHEST_CONTACT, MOST_OHM, Layout
+from ertskin.diagnosis.fit.terms import Term
 from ertskin.diagnosis.linear.calibration_vector import SHAPE, Calibration
 from ertskin.diagnosis.rest.rest_frames import FAR_FROM_GUESS, _step_at_rest
 from ertskin.physics.effects.contact_drift import ContactDrift
@@ -16,7 +17,7 @@ CONTACTS = 6
 def test_a_fit_keeps_contacts_near_those_at_rest() -> None:
     rested = np.array([100.0, 120.0, 80.0, 110.0, 90.0, 1e8])
     vector = Calibration(2e4, rested, 0.0, np.zeros(SHAPE)).vector()
-    low, high = (np.exp(end[1 : 1 + CONTACTS]) for end in _Layout((), len(vector)).bounds(rested))
+    low, high = (np.exp(end[1 : 1 + CONTACTS]) for end in Layout((), len(vector)).bounds(rested))
     far, usual = np.exp(FARTHEST_CONTACT), np.sqrt(100.0 * 110.0)
     assert low[2] == pytest.approx(80.0 / far)
     assert high[2] == pytest.approx(usual * far)
@@ -29,11 +30,11 @@ def test_something_is_left_of_a_contact_that_wanders() -> None:
     rested = np.full(CONTACTS, 1000.0)
     vector = Calibration(2e4, rested, 0.0, np.zeros(SHAPE)).vector()
     drift = ContactDrift(2, (0.0, 10.0), (-600.0, 900.0))
-    low = np.exp(_Layout((Term(drift, ()),), len(vector)).bounds(rested)[0][1 : 1 + CONTACTS])
+    low = np.exp(Layout((Term(drift, ()),), len(vector)).bounds(rested)[0][1 : 1 + CONTACTS])
     assert low[2] == pytest.approx(600.0 + 0.5 * 400.0)
     assert (low[[0, 1, 3, 4, 5]] < 100.0).all()
     little = Term(ContactDrift(2, (0.0, 10.0), (-1.0, 1.0)), ())
-    assert np.exp(_Layout((little,), len(vector)).bounds(rested)[0][3]) < 100.0
+    assert np.exp(Layout((little,), len(vector)).bounds(rested)[0][3]) < 100.0
 
 
 def test_at_rest_they_come_back_in_reach_of_what_is_guessed_where_nothing_tells_them() -> None:

@@ -11,10 +11,12 @@ import pytest
 
 from ertskin.diagnosis.contract.claims import FORM, estimate
 from ertskin.diagnosis.criteria import DEFAULT
+from ertskin.diagnosis.fit.cells_held_out import _numbers, held_out
 from ertskin.diagnosis.fit.full_solution_check import CheckedFit
-from ertskin.diagnosis.fit.joint_fit import Solved, Term, _numbers, held_out
 from ertskin.diagnosis.fit.levenberg_marquardt import Fit
 from ertskin.diagnosis.fit.quadratic import Quadratic
+from ertskin.diagnosis.fit.solved import Solved
+from ertskin.diagnosis.fit.terms import Term
 from ertskin.diagnosis.search import entering, selection, settling, trials
 from ertskin.physics.conduction.mesh import MeshError
 from ertskin.physics.effects.crosstalk import Crosstalk

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from ertskin.diagnosis.fit.bounded_step import Region
-from ertskin.diagnosis.fit.joint_fit import Solved, Term
 from ertskin.diagnosis.fit.levenberg_marquardt import Fit
 from ertskin.diagnosis.fit.quadratic import Quadratic
+from ertskin.diagnosis.fit.solved import Solved
+from ertskin.diagnosis.fit.terms import Term
 from ertskin.physics.effects.crosstalk import Crosstalk
 
 

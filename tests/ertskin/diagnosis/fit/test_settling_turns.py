@@ -10,7 +10,9 @@ from small_problem import START, recorded
 
 from ertskin.diagnosis.fit import full_solution_check
 from ertskin.diagnosis.fit.full_solution_check import CheckedFit, settled
-from ertskin.diagnosis.fit.joint_fit import Solved, Term, VoltageProblem
+from ertskin.diagnosis.fit.joint_fit import VoltageProblem
+from ertskin.diagnosis.fit.solved import Solved
+from ertskin.diagnosis.fit.terms import Term
 from ertskin.physics.effects.piezo_hysteresis import PiezoHysteresis
 
 LOOP = PiezoHysteresis(width=0.1)

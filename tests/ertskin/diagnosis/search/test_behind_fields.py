@@ -11,7 +11,9 @@ from scipy.stats import multivariate_normal
 from small_problem import PARTITIONS, START, recorded
 
 from ertskin.diagnosis.criteria import DEFAULT
-from ertskin.diagnosis.fit.joint_fit import Solved, Term, VoltageProblem
+from ertskin.diagnosis.fit.joint_fit import VoltageProblem
+from ertskin.diagnosis.fit.solved import Solved
+from ertskin.diagnosis.fit.terms import Term
 from ertskin.diagnosis.search import behind_fields
 from ertskin.diagnosis.search.behind_fields import behind_field, loss_beside_fields, smooth_fields_of, spare_evidence
 from ertskin.diagnosis.search.candidates import Direction

@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 from small_problem import PARTITIONS, START, recorded
 
-from ertskin.diagnosis.fit.joint_fit import Solved, Term, VoltageProblem
+from ertskin.diagnosis.fit.joint_fit import VoltageProblem
+from ertskin.diagnosis.fit.solved import Solved
+from ertskin.diagnosis.fit.terms import Term
 from ertskin.diagnosis.search.backward import with_lag
 from ertskin.diagnosis.search.chosen import Chosen
 from ertskin.physics.effects.effect import Effect

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from small_skin import FOUR_PRESSES, SMALL, four_presses, small_law, small_sensor
 
-from ertskin.diagnosis.fit.joint_fit import Solved, VoltageProblem
+from ertskin.diagnosis.fit.joint_fit import VoltageProblem
+from ertskin.diagnosis.fit.solved import Solved
 from ertskin.diagnosis.linear.calibration_vector import SHAPE, Calibration, SkinFamily
 from ertskin.diagnosis.linear.linear_skin import LinearSkin
 from ertskin.diagnosis.recording.evidence import Evidence

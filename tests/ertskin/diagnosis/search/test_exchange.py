@@ -8,8 +8,8 @@ import pytest
 from small_problem import PARTITIONS, START, recorded
 
 from ertskin.diagnosis.fit.full_solution_check import CheckedFit, checked_fit
-from ertskin.diagnosis.fit.joint_fit import Term
 from ertskin.diagnosis.fit.nonreciprocal import acquires
+from ertskin.diagnosis.fit.terms import Term
 from ertskin.diagnosis.search.exchange import HOPELESS, exchanged, gain_of_exchange
 from ertskin.diagnosis.search.trials import Trial
 from ertskin.physics.effects.channel_gain import ChannelGain

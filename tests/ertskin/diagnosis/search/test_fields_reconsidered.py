@@ -13,7 +13,7 @@ import pytest
 from ertskin.diagnosis.contract.claims import Tried
 from ertskin.diagnosis.criteria import DEFAULT
 from ertskin.diagnosis.fit.full_solution_check import CheckedFit
-from ertskin.diagnosis.fit.joint_fit import Term
+from ertskin.diagnosis.fit.terms import Term
 from ertskin.diagnosis.search import entering, selection
 from ertskin.diagnosis.search.candidates import Candidate
 from ertskin.physics.effects.effect import Effect

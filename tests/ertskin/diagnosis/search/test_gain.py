@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from ertskin.diagnosis.criteria import DEFAULT
-from ertskin.diagnosis.fit.joint_fit import Modes, Solved, Term
 from ertskin.diagnosis.fit.levenberg_marquardt import Fit
 from ertskin.diagnosis.fit.quadratic import Quadratic
+from ertskin.diagnosis.fit.solved import Solved
+from ertskin.diagnosis.fit.terms import Modes, Term
 from ertskin.diagnosis.search import gain
 from ertskin.physics.effects.sheet_inhomogeneity import SheetInhomogeneity
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import pytest
 from small_problem import PARTITIONS, START, recorded
 
-from ertskin.diagnosis.fit.joint_fit import Solved, VoltageProblem
+from ertskin.diagnosis.fit.joint_fit import VoltageProblem
+from ertskin.diagnosis.fit.solved import Solved
 from ertskin.diagnosis.search.candidates import Candidate, screen
 from ertskin.physics.effects.scan_skew import ScanSkew
 

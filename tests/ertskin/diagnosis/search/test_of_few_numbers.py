@@ -6,7 +6,8 @@ import pytest
 from small_problem import PARTITIONS, START, recorded
 
 from ertskin.diagnosis.fit.full_solution_check import CheckedFit, checked_fit
-from ertskin.diagnosis.fit.joint_fit import Term, VoltageProblem
+from ertskin.diagnosis.fit.joint_fit import VoltageProblem
+from ertskin.diagnosis.fit.terms import Term
 from ertskin.diagnosis.search.entering import of_few_numbers
 from ertskin.diagnosis.search.trials import Trial
 from ertskin.physics.effects.effect import Effect

@@ -8,7 +8,7 @@ import pytest
 from small_problem import PARTITIONS, START, recorded
 
 from ertskin.diagnosis.fit.full_solution_check import checked_fit
-from ertskin.diagnosis.fit.joint_fit import Term
+from ertskin.diagnosis.fit.terms import Term
 from ertskin.diagnosis.search import settling
 from ertskin.diagnosis.search.settling import refined
 from ertskin.physics.effects.piezo_hysteresis import PiezoHysteresis

@@ -7,7 +7,7 @@ import pytest
 from scipy.stats import multivariate_normal
 
 from ertskin.diagnosis.fit import joint_fit
-from ertskin.diagnosis.fit.joint_fit import Modes, Term
+from ertskin.diagnosis.fit.terms import Modes, Term
 from ertskin.diagnosis.search import smooth_fields
 from ertskin.diagnosis.search.smooth_fields import LENGTHS, NodeQuadratic, foretelling, node_shape
 from ertskin.physics.effects.sheet_inhomogeneity import SheetInhomogeneity

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from small_problem import PARTITIONS, START, recorded
 
-from ertskin.diagnosis.fit.joint_fit import Term
+from ertskin.diagnosis.fit.terms import Term
 from ertskin.diagnosis.search.candidates import Candidate
 from ertskin.diagnosis.search.trials import rms_of, unforeseen, worth_a_name
 from ertskin.physics.effects.contact_pressure_dependence import ContactPressureDependence

@@ -7,7 +7,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from ertskin.diagnosis.fit.joint_fit import Modes, Term
+from ertskin.diagnosis.fit.terms import Modes, Term
 from ertskin.diagnosis.search.candidates import Candidate
 from ertskin.diagnosis.search.trials import Trial, _unfulfilled
 from ertskin.physics.effects.self_heating import SelfHeating

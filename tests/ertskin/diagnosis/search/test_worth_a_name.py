@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from ertskin.diagnosis.criteria import DEFAULT
-from ertskin.diagnosis.fit.joint_fit import Term
+from ertskin.diagnosis.fit.terms import Term
 from ertskin.diagnosis.search.trials import is_worth_a_name, worth_a_name
 from ertskin.physics.effects.self_heating import SelfHeating
 from ertskin.physics.effects.temperature_drift import TemperatureDrift
