@@ -193,7 +193,7 @@ class VoltageProblem:
             self._fill_specimen(layout, x, law, specimen, specimen_columns)
         alone = [k for k in layout.parameters if layout.on_readings_alone(k)]
         if alone:
-            columns[..., alone], beyond = self._instrument_columns(layout, x, alone)
+            columns[..., _together(alone)], beyond = self._instrument_columns(layout, x, alone)
             leftover_columns[:, [instrument.index(k) for k in alone]] = beyond
         # Another ratio of moduli is another field of pressure, which the next fit begins with: it comes last.
         others = [k for k in layout.parameters if k not in alone] + ([layout.ratio] if known is None else [])
@@ -223,7 +223,7 @@ class VoltageProblem:
         moved = [self._skin(layout, layout.moved(k, x)) for k in which]
         scan, beyond = self.acquisition.derivatives(self._skin(layout, x), moved)
         step = np.array([layout.step(k, x) for k in which])
-        scan = np.where(self.weight[:, None, None] > 0, scan / self.evidence.noise_v / step, 0.0)
+        scan *= np.where(self.weight > 0, 1 / self.evidence.noise_v, 0.0)[:, None, None] / step
         return self.evidence.discounted(scan), beyond.reshape(-1, len(which)) / step
 
     def _fill_specimen(self, layout: Layout, x: Array, which: Sequence[int], base: Array, columns: Array) -> None:
@@ -302,7 +302,12 @@ class VoltageProblem:
         through = self.acquisition.on_columns(skin)
         if through is None:
             return columns
-        return np.asarray(np.einsum("pq,tqk->tpk", through, columns, optimize=True))
+        return np.asarray(np.matmul(through.astype(columns.dtype), columns))
+
+
+def _together(which: Sequence[int]) -> Sequence[int] | slice:
+    """Which columns are meant, as a slice where they lie side by side: written so in a tenth of the time."""
+    return slice(which[0], which[-1] + 1) if list(which) == list(range(which[0], which[-1] + 1)) else which
 
 
 def _varies_most(effects: Sequence[Effect]) -> float:

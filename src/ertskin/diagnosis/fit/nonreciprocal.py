@@ -83,8 +83,9 @@ class AcquisitionSignal:
         for first in range(0, len(scans), CHUNK):
             part = slice(first, first + CHUNK)
             readings = (scans[part] @ basis.T).reshape(-1, *protocol.shape)
-            for k, change in enumerate(self._changes(readings, skin, moved, self.time_s[part])):
-                found[part, :, k] = self._whitened(change)
+            changes = self._changes(readings, skin, moved, self.time_s[part])
+            # Chunk by chunk: numbers written far from one another take longer than the product.
+            found[part] = np.stack([self._whitened(change) for change in changes], axis=-1)
         beyond = np.zeros((len(self.rows), len(basis), len(moved)))
         taken = self.evidence.leftover_v[self.rows].reshape(beyond.shape[:2]) != 0
         for k, change in enumerate(self._changes(self.readings(skin), skin, moved, self.time_s[self.rows])):

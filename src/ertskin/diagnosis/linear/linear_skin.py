@@ -706,7 +706,11 @@ class LinearSkin:
         if not (after - before).any():
             return None
         values = fields(position)
-        return np.stack([onto @ (part[:, None] * values) for part in (after - before) / by])
+        changed = np.zeros((len(before), len(onto), values.shape[1]))
+        for number, part in enumerate((after - before) / by):
+            if part.any():
+                changed[number] = onto @ (part[:, None] * values)
+        return changed
 
     def contact_columns(self, skin: Skin, scaled: Skin) -> NDArray[np.float32]:
         """(n,P,L) change of the scans, electrode by electrode, by contacts as of ``scaled`` instead of ``skin``."""
