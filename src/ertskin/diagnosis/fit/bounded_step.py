@@ -35,6 +35,11 @@ class Region:
     high: Array
     inequalities: Inequalities | None = None
 
+    @classmethod
+    def everywhere(cls, count: int) -> Region:
+        """No bounds for ``count`` values."""
+        return cls(np.full(count, -np.inf), np.full(count, np.inf))
+
     def clip(self, value: Array) -> Array:
         """Values (n,) taken within the bounds."""
         return np.clip(value, self.low, self.high)

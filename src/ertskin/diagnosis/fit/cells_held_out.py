@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ertskin.diagnosis.fit.solved import Solved
+from ertskin.diagnosis.fit.bounded_step import Region, bounded_step
+from ertskin.diagnosis.fit.quadratic import LocalModel
+from ertskin.diagnosis.fit.solved import LEAST_DAMPING, Solved
 
 Array = NDArray[np.float64]
 
@@ -32,9 +34,9 @@ def held_out(solved: Solved, partitions: Sequence[Sequence[int]]) -> Array:
     numbers = _numbers(solved)
     for k, out in enumerate(partitions):
         inside = ~np.isin(cells, out)
-        hessian = quadratic.hessian[inside].sum(axis=0) + solved.fit.prior
-        gradient = quadratic.gradient[inside].sum(axis=0) - shift * solved.fit.from_prior
-        step = _step(hessian, gradient, numbers)
+        curvature = quadratic.hessian[inside].sum(axis=0) + solved.fit.prior
+        slope = quadratic.gradient[inside].sum(axis=0) - shift * solved.fit.from_prior
+        step = _step(solved, LocalModel(slope, curvature), numbers)
         for cell in out:
             change = -quadratic.gradient[cell] @ step + 0.5 * step @ quadratic.hessian[cell] @ step
             result[k] += quadratic.cost[cell] + max(change, 0.0)
@@ -67,26 +69,28 @@ def _numbers(solved: Solved) -> list[_Numbers]:
     return found
 
 
-def _step(hessian: Array, gradient: Array, terms: Sequence[_Numbers]) -> Array:
-    """The Newton step. Terms that would go beyond their reach are expected beforehand to be absent, give or take that
-    reach; those that would go beyond it even so are taken away."""
+def _step(solved: Solved, model: LocalModel, numbers: Sequence[_Numbers]) -> Array:
+    """The Newton step within the region in which was fitted: one that leaves it isn't one that a fit could take.
+
+    Terms that would go beyond their reach are expected beforehand to be absent, give or take that reach; those that
+    would go beyond it even so are taken away.
+    """
     expected: list[_Numbers] = []
     held: list[_Numbers] = []
-    step, hessian, gradient = np.zeros(len(gradient)), hessian.copy(), gradient.copy()
+    value, region = solved.fit.value, solved.fit.region or Region.everywhere(len(solved.fit.value))
+    slope, curvature = model.slope.copy(), model.curvature.copy()
+    low, high = region.low.copy(), region.high.copy()
     while True:
-        free = np.ones(len(step), dtype=bool)
         for term in held:
-            free[term.index], step[term.index] = False, term.away
-        pull = gradient[free] - hessian[np.ix_(free, ~free)] @ step[~free]
-        matrix = hessian[np.ix_(free, free)]
-        scale = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
-        step[free] = np.linalg.lstsq(matrix / scale[:, None] / scale, pull / scale, rcond=1e-11)[0] / scale
-        wild = [t for t in terms if t not in held and (np.abs(step[t.index]) > t.reach).any()]
+            low[term.index] = high[term.index] = value[term.index] + term.away
+        within = replace(region, low=low, high=high)
+        step = bounded_step(LocalModel(slope, curvature), value, within, LEAST_DAMPING)
+        wild = [t for t in numbers if t not in held and (np.abs(step[t.index]) > t.reach).any()]
         if not wild:
             return step
         held += [term for term in wild if term in expected]
         for term in wild:
             if term not in expected:
-                hessian[term.index, term.index] += term.reach**-2
-                gradient[term.index] += term.away * term.reach**-2
+                curvature[term.index, term.index] += term.reach**-2
+                slope[term.index] += term.away * term.reach**-2
                 expected.append(term)

@@ -49,7 +49,7 @@ class Solved:
     def rise_without(self, term: int, *, others_stay: bool = False) -> float:
         """Half chi-square and prior that are lost without a term, by the local model: its defining numbers neutral, its
         others and a field's sizes kept. ``others_stay``: only the calibration makes up for it, no other term does."""
-        region = self.fit.region or Region(*np.full((2, len(self.fit.value)), [[-np.inf], [np.inf]]))
+        region = self.fit.region or Region.everywhere(len(self.fit.value))
         low, high = region.low.copy(), region.high.copy()
         first, kept = self.first(term), self.terms[term]
         held = slice(self.first(0), None) if others_stay else slice(first, first + kept.count)

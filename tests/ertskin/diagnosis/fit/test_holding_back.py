@@ -11,6 +11,7 @@ import pytest
 
 from ertskin.diagnosis.contract.claims import FORM, estimate
 from ertskin.diagnosis.criteria import DEFAULT
+from ertskin.diagnosis.fit.bounded_step import Region
 from ertskin.diagnosis.fit.cells_held_out import _numbers, held_out
 from ertskin.diagnosis.fit.full_solution_check import CheckedFit
 from ertskin.diagnosis.fit.levenberg_marquardt import Fit
@@ -41,6 +42,16 @@ def test_a_cell_that_others_tell_about_is_predicted_by_a_whole_newton_step() -> 
     found = held_out(fitted([1e4, 1e4, 1e4], [1.0, -2.0, 1.0]), [[0], [1], [2]])
     # The mean of the others' pulls is where they would put the number.
     assert found == pytest.approx([0.5 + 0.5 * 1.5**2, 0.5 + 0.5 * 3.0**2, 0.5 + 0.5 * 1.5**2])
+
+
+def test_a_number_at_its_bound_is_not_foretold_beyond_it() -> None:
+    """Creep at its largest share was foretold with more of it than any fit may have: 57000 where 41000 were left."""
+    free = fitted([1e4, 1e4, 1e4], [1.0, 1.0, -2.0])
+    at_bound = replace(free, fit=replace(free.fit, region=Region(np.array([0.0]), np.array([0.1]))))
+    # Without the last cell the others would step up, and it would be missed by as much more.
+    assert held_out(free, [[2]]) == pytest.approx([0.5 + 0.5 * 3.0**2])
+    assert held_out(at_bound, [[2]]) == pytest.approx([0.5 + 0.5 * 2.0**2])
+    assert held_out(at_bound, [[0]]) == pytest.approx(held_out(free, [[0]]))
 
 
 def test_a_term_that_only_one_cell_tells_is_away_in_what_the_others_predict_there() -> None:
