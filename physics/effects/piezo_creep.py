@@ -23,6 +23,8 @@ SAME = 1e-6
 """Below it ``power`` is as good as none."""
 LEAST_LEFT = 1e-3
 """Part of the resistance that no creep takes away."""
+AGED = 0.03
+"""What is lost of the logarithm of the resistance as contacts grow older by a factor e, where a fit of that begins."""
 
 
 @dataclass(frozen=True)
@@ -174,13 +176,14 @@ class PiezoCreep(PiezoEffect):
                 Start(replace(spread, exponent=0.8, multiplies=False), (*ladder, "exponent")),
                 Start(replace(spread, multiplies=True), (*ladder, "half_pa")),
             )
-        if "half_pa" in free and "power" not in free:
-            aged = replace(self, time_s=1.0, decades=0.0, remembers_air=False, ages=True)
-            return (
-                Start(self.changed({"unevenness": 0.3}), (*free, "unevenness", "power")),
-                Start(aged, ("fraction", "time_s", "half_pa", "slip")),
-            )
-        return ()
+        if "power" in free:
+            return ()
+        aged = replace(self, time_s=1.0, decades=0.0, remembers_air=False, multiplies=True, ages=True)
+        ageing = ("fraction", "time_s", "half_pa", "slip")
+        if "exponent" in free:
+            # A share of the pressure says nothing of one of the logarithm.
+            return (Start(replace(aged, fraction=AGED, exponent=1.0), ageing),)
+        return Start(self.changed({"unevenness": 0.3}), (*free, "unevenness", "power")), Start(aged, ageing)
 
     def at_once(self, free: tuple[str, ...]) -> Start | None:
         """The law that is left where nothing lags."""
