@@ -53,17 +53,17 @@ RULES = {
     ),
     "few_numbers": Rule(
         "a smooth field gives way to a cause of few numbers where both together are likelier",
-        (f"{SEARCH}.selection._of_few_numbers",),
+        (f"{SEARCH}.selection.of_few_numbers",),
         lambda build, incumbent, entered, *more: entered,
     ),
     "form_by_cells": Rule(
         "of a field's forms the one that foretells cells held out enters, not the one that fits best",
-        (f"{SEARCH}.selection._foretelling",),
+        (f"{SEARCH}.entering._foretelling",),
         lambda fit, partitions: fit.misfit,
     ),
     "own_scale": Rule(
         "cells held out count each on its own scale of misfit, not by their chi-square",
-        (f"{SEARCH}.smooth_fields.log_misfit", f"{SEARCH}.selection.log_misfit", f"{SEARCH}.foretold.log_misfit"),
+        (f"{SEARCH}.smooth_fields.log_misfit", f"{SEARCH}.entering.log_misfit", f"{SEARCH}.foretold.log_misfit"),
         lambda cost, numbers: float(cost.sum()),
     ),
     "foretold": Rule(
@@ -78,7 +78,7 @@ RULES = {
     ),
     "freed": Rule(
         "forms are freed about the fit itself",
-        (f"{SEARCH}.selection.refined", f"{SEARCH}.exchange.refined"),
+        (f"{SEARCH}.selection.refined", f"{SEARCH}.entering.refined", f"{SEARCH}.exchange.refined"),
         lambda build, incumbent, partitions: incumbent,
     ),
     "exchange": Rule(

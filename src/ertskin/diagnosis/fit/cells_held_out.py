@@ -72,8 +72,8 @@ def _numbers(solved: Solved) -> list[_Numbers]:
 def _step(solved: Solved, model: LocalModel, numbers: Sequence[_Numbers]) -> Array:
     """The Newton step within the region in which was fitted: one that leaves it isn't one that a fit could take.
 
-    Terms that would go beyond their reach are expected beforehand to be absent, give or take that reach; those that
-    would go beyond it even so are taken away.
+    Terms that would go beyond their reach, or that a bound alone keeps from it, are expected beforehand to be absent,
+    give or take that reach; those that would go beyond it even so are taken away.
     """
     expected: list[_Numbers] = []
     held: list[_Numbers] = []
@@ -85,7 +85,8 @@ def _step(solved: Solved, model: LocalModel, numbers: Sequence[_Numbers]) -> Arr
             low[term.index] = high[term.index] = value[term.index] + term.away
         within = replace(region, low=low, high=high)
         step = bounded_step(LocalModel(slope, curvature), value, within, LEAST_DAMPING)
-        wild = [t for t in numbers if t not in held and (np.abs(step[t.index]) > t.reach).any()]
+        stopped = np.isclose(value + step, low) | np.isclose(value + step, high)
+        wild = [t for t in numbers if t not in held and _is_wild(t, step, stopped, curvature.diagonal())]
         if not wild:
             return step
         held += [term for term in wild if term in expected]
@@ -94,3 +95,10 @@ def _step(solved: Solved, model: LocalModel, numbers: Sequence[_Numbers]) -> Arr
                 curvature[term.index, term.index] += term.reach**-2
                 slope[term.index] += term.away * term.reach**-2
                 expected.append(term)
+
+
+def _is_wild(term: _Numbers, step: Array, stopped: NDArray[np.bool_], curvature: Array) -> bool:
+    """Whether a step (n,) says nothing of a term: it goes beyond its reach, or is ``stopped`` (n,) by a bound though it
+    is known to no such reach by its ``curvature`` (n,)."""
+    untold = stopped[term.index] & (curvature[term.index] * term.reach**2 < 1)
+    return bool((untold | (np.abs(step[term.index]) > term.reach)).any())

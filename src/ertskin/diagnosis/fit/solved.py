@@ -16,7 +16,7 @@ from ertskin.physics.effects.effect import Effect
 Array = NDArray[np.float64]
 
 LEAST_DAMPING = 1e-9
-"""Of a step without a term, so that numbers the data hardly tell may go along a bound."""
+"""Of a step without a term, or without some cells, so that numbers the data hardly tell may go along a bound."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,7 +7,6 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ertskin.diagnosis.contract.claims import Rival, Tried
 from ertskin.diagnosis.fit.full_solution_check import CheckedFit, Problem, checked_fit, exact, settled
@@ -37,8 +36,6 @@ from ertskin.diagnosis.specimen.agreement import remembers_alike
 from ertskin.physics.conduction.mesh import MeshError
 from ertskin.physics.effects.effect import ElectrodeEffect
 from ertskin.physics.effects.piezo_chain import in_fabric
-
-Array = NDArray[np.float64]
 
 RUN_AWAY = 0.4
 """Part of the widest ratio of moduli from which on a fit is taken to have run away."""

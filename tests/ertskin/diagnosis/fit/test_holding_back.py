@@ -54,6 +54,13 @@ def test_a_number_at_its_bound_is_not_foretold_beyond_it() -> None:
     assert held_out(at_bound, [[0]]) == pytest.approx(held_out(free, [[0]]))
 
 
+def test_a_term_at_its_bound_that_only_one_cell_tells_is_away_in_what_the_others_predict_there() -> None:
+    """The others' noise may pull it outwards: the bound keeps it, and says nothing of it."""
+    free = fitted([1e3, 1e-3, 1e-3], [1.0, 10.0, 0.0])
+    at_bound = replace(free, fit=replace(free.fit, region=Region(np.array([0.0]), np.array([0.1]))))
+    assert held_out(at_bound, [[0]])[0] == pytest.approx(0.5 + 0.5 * (1.0 + 1e3 * 0.1) ** 2, rel=0.01)
+
+
 def test_a_term_that_only_one_cell_tells_is_away_in_what_the_others_predict_there() -> None:
     found = held_out(fitted([1e3, 1e-3, 1e-3], [1.0, -1e6, 0.0]), [[0]])
     # The loop's width is 0.1, and the cell pulls by 1 where it is.
