@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from judged import Judged
-from lowered import lowered
+from lowered import lowered, measured
 
 
 def case(*claims: tuple[str, str, float]) -> Judged:
@@ -32,3 +32,13 @@ def test_claims_are_counted_by_rule_kind_and_whether_they_were_right() -> None:
 
 def test_a_rule_that_took_nothing_is_not_counted() -> None:
     assert lowered([case(("piezo_creep", "left_over", 1.0))]) == {}
+
+
+def test_what_is_measured_counts_by_recordings_unless_a_rule_lowered_it() -> None:
+    contacts = case(("contact_drift", "rivals", 0.85), ("contact_drift", "rivals", 0.85))
+    doubted = case(("contact_drift", "left_over", 0.4), ("piezo_creep", "rivals", 0.99))
+    assert measured([contacts, doubted]) == (0, 1)
+    limit = {"name": "adc_saturation", "confidence": 0.97, "parameters": {"limit_v": {}}}
+    hidden = {"name": "adc_saturation", "listed": True, "details": {}}
+    truth = {"kind": "single", "effects": [hidden]}
+    assert measured([Judged("c001", truth, {"verdict": "explained", "effects": [limit]})]) == (1, 0)

@@ -2,13 +2,15 @@
 
 RESULTS are folders of opened samples. Of every rule among a claim's ``reasons`` that took something from its
 confidence: how many such claims were right and how many wrong, and in how many recordings, for fields, contacts that
-wander and others.
+wander and others. Then, of what is measured rather than weighed (limits of a converter, contacts that move) and that no
+rule lowered: in how many recordings it was right and wrong, which ``measured_confidence`` is set by.
 """
 
 from __future__ import annotations
 
 import sys
 from collections import defaultdict
+from typing import Any
 
 from judged import Judged
 from opened_sample import asked_for
@@ -28,6 +30,30 @@ def lowered(cases: list[Judged]) -> dict[tuple[str, str], dict[bool, list[int]]]
     return found
 
 
+def measured(cases: list[Judged]) -> tuple[int, int]:
+    """In how many cases limits of a converter and contacts that move, lowered by no rule, were right and wrong."""
+    found = {True: 0, False: 0}
+    for case in cases:
+        for is_kind in (_is_limit, _has_moved):
+            mine = [claim for claim in case.claims if is_kind(claim) and not _is_lowered(claim)]
+            if mine:
+                found[any(case.is_right(claim) for claim in mine)] += 1
+    return found[True], found[False]
+
+
+def _is_limit(claim: dict[str, Any]) -> bool:
+    return claim["name"] == "adc_saturation" and "limit_v" in claim["parameters"]
+
+
+def _has_moved(claim: dict[str, Any]) -> bool:
+    return bool(claim["name"] == "contact_drift")
+
+
+def _is_lowered(claim: dict[str, Any]) -> bool:
+    reasons = claim.get("reasons") or []
+    return any(reason["rule"] != "rivals" and reason["after"] != reason["before"] for reason in reasons)
+
+
 def main() -> int:
     cases = asked_for(__doc__)
     print(f"{sum(bool(claim.get('reasons')) for case in cases for claim in case.claims)} claims with reasons\n")
@@ -36,6 +62,8 @@ def main() -> int:
     for (rule, kind), by_right in sorted(lowered(cases).items()):
         right, wrong = (f"{len(by_right[is_right])} ({len(set(by_right[is_right]))})" for is_right in (True, False))
         print(f"| `{rule}` | {kind} | {right} | {wrong} |")
+    right_count, wrong_count = measured(cases)
+    print(f"\nmeasured, lowered by no rule: {right_count} right, {wrong_count} wrong")
     return 0
 
 

@@ -70,7 +70,7 @@ def _numbers(solved: Solved) -> list[_Numbers]:
 
 
 def _step(solved: Solved, model: LocalModel, numbers: Sequence[_Numbers]) -> Array:
-    """The Newton step within the region in which was fitted: one that leaves it isn't one that a fit could take.
+    """The Newton step within the region that was fitted in: one that leaves it isn't one that a fit could take.
 
     Terms that would go beyond their reach, or that a bound alone keeps from it, are expected beforehand to be absent,
     give or take that reach; those that would go beyond it even so are taken away.

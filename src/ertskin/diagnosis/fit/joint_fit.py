@@ -19,11 +19,7 @@ from ertskin.diagnosis.fit.nonreciprocal import AcquisitionSignal, acquires
 from ertskin.diagnosis.fit.quadratic import Quadratic
 from ertskin.diagnosis.fit.solved import Solved
 from ertskin.diagnosis.fit.terms import Modes, Term
-from ertskin.diagnosis.linear.calibration_vector import (
-    SHAPE,
-    Calibration,
-    SkinFamily,
-)
+from ertskin.diagnosis.linear.calibration_vector import SHAPE, Calibration, SkinFamily
 from ertskin.diagnosis.linear.linear_skin import Fields, LinearSkin
 from ertskin.diagnosis.recording.evidence import Evidence
 from ertskin.diagnosis.specimen.signal import SpecimenSignal

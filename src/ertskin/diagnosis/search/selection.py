@@ -24,14 +24,7 @@ from ertskin.diagnosis.search.exchange import exchanged, gain_of_exchange
 from ertskin.diagnosis.search.form_error import form_error
 from ertskin.diagnosis.search.pressed_places import told_by_place
 from ertskin.diagnosis.search.settling import refined, where_it_settles
-from ertskin.diagnosis.search.trials import (
-    Trial,
-    is_worth_a_name,
-    rms_of,
-    trials_of,
-    unforeseen,
-    worth_a_name,
-)
+from ertskin.diagnosis.search.trials import Trial, is_worth_a_name, rms_of, trials_of, unforeseen, worth_a_name
 from ertskin.diagnosis.specimen.agreement import remembers_alike
 from ertskin.physics.conduction.mesh import MeshError
 from ertskin.physics.effects.effect import ElectrodeEffect
