@@ -164,24 +164,27 @@ class Protocol:
         both = weight[:, :, i] * current[:, None, j] + weight[:, :, j] * current[:, None, i]
         return -0.5 * both.reshape(-1, len(i))
 
-    def with_passed(self, voltage_v: Array, contact_ohm: float) -> Array:
+    def with_passed(self, voltage_v: Array, contact_ohm: Array | float) -> Array:
         """Readings (..., K, M) with those that aren't taken as a multiplexer passes them.
 
         They are those of the smallest pair resistances that explain the readings taken, with a contact of so many ohm
-        more at every electrode: where no electrode that carries current is read nothing else tells of contacts.
+        more at every electrode, or at each (L,): where no electrode that carries current is read nothing else tells of
+        contacts.
         """
         told, per_ohm = self._passed
         flat = self.filled(voltage_v).reshape(*voltage_v.shape[:-2], -1)
-        found = np.array(flat)
-        found[..., ~self.taken.ravel()] = (flat @ self.orthonormal) @ told.T + contact_ohm * per_ohm
+        found, contacts = np.array(flat), np.broadcast_to(contact_ohm, self.electrodes)
+        found[..., ~self.taken.ravel()] = flat @ told + per_ohm @ contacts
         return found.reshape(voltage_v.shape)
 
     @cached_property
     def _passed(self) -> tuple[Array, Array]:
-        """Readings that aren't taken by coordinates in ``orthonormal``, (U,n), and by ohm of every contact, (U,)."""
+        """Readings that aren't taken by those that are, (K*M,U), and by ohm of each contact, (U,L)."""
         assert self.passed is not None
         design = self._design(self.passed)[~self.taken.ravel()]
-        return design @ self.inverse_factor, 2 * design.sum(axis=1)
+        first, second = np.triu_indices(self.electrodes, 1)
+        of_pair = np.eye(self.electrodes)[first] + np.eye(self.electrodes)[second]
+        return self.orthonormal @ (design @ self.inverse_factor).T, design @ of_pair
 
     @cached_property
     def factor(self) -> Array:

@@ -35,7 +35,8 @@ class Crosstalk(AcquisitionEffect):
     channel of an injection finds: ``"carried"``, the last reading of the injection before; ``"discharged"``, an empty
     capacitor; ``"settled"``, its own value already.
     ``passes``: whether readings that aren't taken charge the capacitor all the same, as a multiplexer does that steps
-    through all its channels; where contacts of ``driven_ohm`` carry the current their voltages are the largest.
+    through all its channels; where contacts of ``driven_ohm``, and of ``contacts_ohm`` (L,) more, electrode by
+    electrode, carry the current their voltages are the largest.
     """
 
     name: ClassVar[str] = "crosstalk"
@@ -55,6 +56,7 @@ class Crosstalk(AcquisitionEffect):
         "ohm", -1e5, 1e5, 0.0, 100.0, "contact of driven electrodes, beyond what readings tell", defining=False
     )
     shares: tuple[float, ...] = parameters("1", -0.5, 0.5, 0.0, 1e-3, "part more that a channel keeps")
+    contacts_ohm: tuple[float, ...] = parameters("ohm", -1e5, 1e5, 0.0, 100.0, "contact of a driven electrode")
     channel: int = -1
     before: str = "channel"
     begins: str = "carried"
@@ -68,21 +70,30 @@ class Crosstalk(AcquisitionEffect):
             raise ValueError(f"crosstalk.begins = {self.begins!r}: one of {', '.join(BEGINNINGS)}")
 
     def distorted_v(self, voltage_v: Array, protocol: Protocol) -> Array:
-        met = protocol.with_passed(voltage_v, self.driven_ohm) if self.passes else voltage_v
+        met = protocol.with_passed(voltage_v, self._driven_ohm(protocol.electrodes)) if self.passes else voltage_v
         flat = np.ascontiguousarray(met, dtype=float).reshape(-1, protocol.taken.size)
         order, ends = _runs(protocol, self.before, self.begins == "carried", self.passes)
         kept = np.tile(self._kept(protocol.shape[1]), protocol.shape[0])
         read = _mixed(flat, order, ends, kept, self.lasting, self.begins == "discharged").reshape(voltage_v.shape)
         return read if protocol.taken.all() else np.where(protocol.taken, read, voltage_v)
 
+    def _driven_ohm(self, electrodes: int) -> Array:
+        """(L,) contacts of electrodes that carry current; raises ``ValueError`` where there are some for others."""
+        return self.driven_ohm + self._several("contacts_ohm", electrodes, "electrodes")
+
     def _kept(self, channels: int) -> Array:
         """(M,) what each channel keeps; raises ``ValueError`` where there are shares for other channels."""
-        if self.shares and len(self.shares) != channels:
-            raise ValueError(f"crosstalk.shares: {len(self.shares)} given, the scan has {channels} channels")
         kept = np.full(channels, self.fraction)
         if self.channel >= 0:
             kept[np.arange(channels) != self.channel] = 0.0
-        return kept + (np.array(self.shares) if self.shares else 0.0)
+        return kept + self._several("shares", channels, "channels")
+
+    def _several(self, name: str, count: int, things: str) -> Array:
+        """(count,) several of a kind, nought where none is given; raises ``ValueError`` for another number of them."""
+        given = getattr(self, name)
+        if given and len(given) != count:
+            raise ValueError(f"crosstalk.{name}: {len(given)} given, the scan has {count} {things}")
+        return np.array(given) if given else np.zeros(count)
 
     def quantities(self, standard: Standard) -> dict[str, float]:
         """What is kept of the reading before, where all channels do: mean over channels."""
@@ -95,11 +106,12 @@ class Crosstalk(AcquisitionEffect):
     def reading_starts(cls, sensor: Sensor, protocol: Protocol) -> tuple[Start, ...]:
         """All channels alike, however an injection begins, and each alone; a first one may find an empty capacitor."""
         ways, channels = ("channel", "injection"), range(protocol.shape[1])
-        alike = cls(fraction=0.01, shares=(0.0,) * protocol.shape[1])
+        contacts = () if protocol.taken.all() else (0.0,) * protocol.electrodes
+        alike = cls(fraction=0.01, shares=(0.0,) * protocol.shape[1], contacts_ohm=contacts)
         every = [replace(alike, before=way) for way in ways] + [replace(alike, begins=one) for one in BEGINNINGS[1:]]
-        every += [cls(fraction=0.01, channel=channel, before=way) for way in ways for channel in channels]
+        every += [replace(alike, channel=channel, before=way) for way in ways for channel in channels]
         first = np.unique(protocol.taken.argmax(axis=1)).tolist()
-        every += [cls(fraction=0.01, channel=channel, begins=BEGINNINGS[1]) for channel in first]
+        every += [replace(alike, channel=channel, begins=BEGINNINGS[1]) for channel in first]
         lasting = [replace(alike, lasting=one) for one in LASTING]
         found = [Start(one, ("fraction",), ("fraction",)) for one in every]
         found += [Start(one, ("fraction", "lasting"), ("fraction",)) for one in lasting]
@@ -110,15 +122,29 @@ class Crosstalk(AcquisitionEffect):
         return tuple(found)
 
     def freer(self, free: tuple[str, ...]) -> tuple[Start, ...]:
-        """With a memory of more than the last reading, and channels that each keep their own part."""
+        """With a memory of more than the last reading, channels that each keep their own part, of which the one found
+        first may be but the one that keeps the most, contacts of driven electrodes that are passed, another
+        beginning."""
         found = []
         if "lasting" not in free:
             found += [Start(replace(self, lasting=one), (*free, "lasting")) for one in LASTING]
         if "fraction" in free and self.shares:
-            each = replace(self, fraction=0.0, shares=tuple(self.fraction + share for share in self.shares))
+            kept = tuple(self._kept(len(self.shares)).tolist())
+            each = replace(self, fraction=0.0, channel=-1, shares=kept)
             others = (key for key in free if key != "fraction")
-            found.append(Start(each, (*others, *(f"shares[{k}]" for k in range(len(self.shares))))))
+            found.append(Start(each, (*others, *_each("shares", self.shares))))
+        if self.contacts_ohm and "contacts_ohm[0]" not in free:
+            others = (key for key in free if key != "driven_ohm")
+            found.append(Start(replace(self, passes=True), (*others, *_each("contacts_ohm", self.contacts_ohm))))
+        if "fraction" not in free and self.before == "channel":
+            later = BEGINNINGS[BEGINNINGS.index(self.begins) + 1 :]
+            found += [Start(replace(self, begins=one), free) for one in later]
         return tuple(found)
+
+
+def _each(name: str, several: tuple[float, ...]) -> list[str]:
+    """The names of each of several parameters."""
+    return [f"{name}[{k}]" for k in range(len(several))]
 
 
 @lru_cache(maxsize=16)

@@ -101,6 +101,37 @@ def test_readings_that_are_not_taken_may_charge_the_capacitor(lasting) -> None:
     assert np.abs(change[2, 4]) > 5 * np.abs(change[2, 7])
 
 
+def test_contacts_of_driven_electrodes_may_differ() -> None:
+    whole, part = adjacent(), adjacent(APART)
+    contact_ohm = np.linspace(50.0, 400.0, 8)
+    anyhow = part.readings(np.random.default_rng(1).uniform(100, 200, 28))
+    first, second = np.triu_indices(8, 1)
+    network = part.reciprocal(anyhow) + contact_ohm[first] + contact_ohm[second]
+    every, taken = whole.readings(network), part.readings(network)
+    assert part.with_passed(taken, contact_ohm) == pytest.approx(every)
+    effect = Crosstalk(fraction=0.1, driven_ohm=100.0, contacts_ohm=tuple(contact_ohm - 100.0), passes=True)
+    assert effect.distorted_v(taken, part)[APART] == pytest.approx(effect.distorted_v(every, whole)[APART])
+    with pytest.raises(ValueError, match="2 given, the scan has 8 electrodes"):
+        Crosstalk(fraction=0.1, contacts_ohm=(1.0, 2.0), passes=True).distorted_v(taken, part)
+
+
+def test_the_channel_found_first_may_be_but_the_one_that_keeps_the_most(readings) -> None:
+    alone = Crosstalk(fraction=0.1, channel=2, shares=(0.0,) * 5)
+    each = next(form for form in alone.freer(("fraction",)) if "shares[4]" in form.free)
+    assert each.effect.shares == (0.0, 0.0, 0.1, 0.0, 0.0)
+    assert each.effect.channel == -1
+    np.testing.assert_array_equal(each.effect.distorted_v(readings, PROTOCOL), alone.distorted_v(readings, PROTOCOL))
+
+
+def test_where_readings_are_not_taken_their_contacts_may_be_freed() -> None:
+    for protocol, several in ((adjacent(APART), True), (adjacent(), False)):
+        starts = Crosstalk.reading_starts(nominal_sensor(), protocol)
+        forms = [form for start in starts for form in start.effect.freer(start.free)]
+        passing = [form for form in forms if "contacts_ohm[7]" in form.free]
+        assert bool(passing) is several
+        assert all(form.effect.passes and "driven_ohm" not in form.free for form in passing)
+
+
 def test_where_readings_are_not_taken_fits_begin_from_both_ways_of_passing_them() -> None:
     starts = Crosstalk.reading_starts(nominal_sensor(), adjacent(APART))
     assert {start.effect.passes for start in starts} == {True, False}

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
 
 from ertskin.diagnosis.contract.claims import Rival, Tried
+from ertskin.diagnosis.criteria import Criteria
 from ertskin.diagnosis.fit.full_solution_check import CheckedFit, Problem, checked_fit, exact, settled
 from ertskin.diagnosis.fit.joint_fit import VoltageProblem
 from ertskin.diagnosis.fit.solved import Solved
@@ -24,7 +25,7 @@ from ertskin.diagnosis.search.exchange import exchanged, gain_of_exchange
 from ertskin.diagnosis.search.form_error import form_error
 from ertskin.diagnosis.search.pressed_places import told_by_place
 from ertskin.diagnosis.search.settling import refined, where_it_settles
-from ertskin.diagnosis.search.trials import Trial, is_worth_a_name, rms_of, trials_of, unforeseen, worth_a_name
+from ertskin.diagnosis.search.trials import Trial, is_worth_a_name, rms_of, trials_of, worth_a_name
 from ertskin.diagnosis.specimen.agreement import remembers_alike
 from ertskin.physics.conduction.mesh import MeshError
 from ertskin.physics.effects.effect import ElectrodeEffect
@@ -198,17 +199,12 @@ class _Search:
         found = screen(problem, current, self.partitions)
         left = form_error(problem, current, self.partitions, current.effects).gain
         least = worth_a_name(problem, current)
-        trials = trials_of(
-            problem, current, found, self.partitions, left, partial(_gone_elsewhere, self.build, problem)
-        )
-        if trials and wanted is not None and not any(map(wanted, likely(trials, problem.evidence.criteria))):
+        settle = partial(_gone_elsewhere, self.build, problem)
+        lists = trials_of(problem, current, found, self.partitions, left, settle)
+        trials, entered = self._first_to_enter(incumbent, lists, wanted)
+        if entered is None and trials and not _holds_likely(trials, wanted, problem.evidence.criteria):
             self.tried += [_as_tried(trial, False) for trial in trials]
             return None
-        entered = self._first_to_enter(incumbent, trials)
-        if entered is None:
-            beyond = unforeseen(problem, current, found, self.partitions)
-            trials += beyond
-            entered = self._first_to_enter(incumbent, beyond)
         if entered is not None:
             entered = of_few_numbers(self.build, incumbent, entered, trials, self.partitions)
         self.tried += [_as_tried(t, entered is not None and t.term == entered[0].term) for t in trials]
@@ -221,11 +217,22 @@ class _Search:
         self.stand[key_of(trial.term)] = short_of(trial, trials)
         return refined(self.build, _reconsidered(self.build, proposed), self.partitions)
 
-    def _first_to_enter(self, incumbent: CheckedFit, trials: Sequence[Trial]) -> tuple[Trial, CheckedFit] | None:
-        """The first of the trials worth a name that holds where it settles."""
+    def _first_to_enter(
+        self, incumbent: CheckedFit, lists: Iterable[list[Trial]], wanted: Callable[[Trial], bool] | None
+    ) -> tuple[list[Trial], tuple[Trial, CheckedFit] | None]:
+        """The trials of the ``lists``, up to where one enters or none of the likely ones is ``wanted``, and the first
+        of them worth a name that holds where it settles."""
         worth = partial(is_worth_a_name, incumbent.problem, incumbent.solved)
-        likely = [trial for trial in trials if worth(trial.term, trial.gain)]
-        return first_to_hold(self.build, incumbent, likely, self.partitions)
+        trials = list[Trial]()
+        for fitted in lists:
+            trials += fitted
+            worthy = [trial for trial in fitted if worth(trial.term, trial.gain)]
+            if worthy and not _holds_likely(fitted, wanted, incumbent.problem.evidence.criteria):
+                break
+            entered = first_to_hold(self.build, incumbent, worthy, self.partitions)
+            if entered is not None:
+                return trials, entered
+        return trials, None
 
     def _in_anothers_place(self, incumbent: CheckedFit, trials: Sequence[Trial]) -> CheckedFit | None:
         """With a trial's term in the place of one that it may be taken for, where that is likelier; None where none is.
@@ -355,6 +362,11 @@ class _Search:
             chosen, incumbent = with_fields_by_place(self.build, incumbent, tuple(lagging), self.partitions)
             problem, current = _in_full(incumbent.problem, incumbent.solved)
         return Selection(before, current, chosen, problem, tuple(self.tried), specimen)
+
+
+def _holds_likely(trials: Sequence[Trial], wanted: Callable[[Trial], bool] | None, criteria: Criteria) -> bool:
+    """Whether one of the likely trials is ``wanted``, as all are where nothing in particular is."""
+    return wanted is None or any(map(wanted, likely(trials, criteria)))
 
 
 def _as_tried(trial: Trial, kept: bool) -> Tried:

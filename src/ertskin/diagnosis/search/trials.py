@@ -55,22 +55,19 @@ def trials_of(
     partitions: Sequence[Sequence[int]],
     left: float,
     settle: Settle = lambda solved: None,
-) -> list[Trial]:
-    """The likeliest candidates of those ``found``, fitted, best first.
+) -> Iterator[list[Trial]]:
+    """The likeliest candidates of those ``found``, fitted, list by list, each for where nothing of those before enters,
+    best first: the instrument, others, more of the instrument's names at hand, what the screen says nothing of.
 
     A further name gains what it gains beyond the form error of the terms at hand, which itself would gain ``left``.
     ``settle`` linearises about a fit that has gone far: the first candidate of few numbers, where it doesn't gain what
     was expected of it, is judged there.
     """
     least = worth_a_name(problem, current)
-    trials: list[Trial] = []
     present = {term.name for term in current.terms}
     for listed in _worth_trying(problem, found, present, least):
-        fitted = _try(problem, current, _different(listed), partitions, left, settle)
-        trials = _in_order([*trials, *fitted], current)
-        if any(is_worth_a_name(problem, current, trial.term, trial.gain) for trial in trials):
-            break
-    return trials
+        yield _in_order(_try(problem, current, _different(listed), partitions, left, settle), current)
+    yield unforeseen(problem, current, found, partitions)
 
 
 def unforeseen(

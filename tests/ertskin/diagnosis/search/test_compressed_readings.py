@@ -66,7 +66,7 @@ def rms(residual: np.ndarray) -> float:
 
 def test_a_compression_of_another_form_is_the_likeliest_name_and_is_fitted() -> None:
     problem, solved = fitted(FULL, 0.3, ChannelGain())
-    first, *others = trials_of(problem, solved, screen(problem, solved, PARTITIONS), PARTITIONS, 0.0)
+    first, *others = next(trials_of(problem, solved, screen(problem, solved, PARTITIONS), PARTITIONS, 0.0))
     assert rms(solved.scan_residual) > 1.2
     assert rms(first.solved.scan_residual) < 1.05
     assert all(first.gain > 2 * other.gain for other in others)
@@ -79,7 +79,7 @@ def test_beside_a_channel_s_gain_both_are_found_in_the_order_in_which_they_act()
     problem, solved = fitted(FULL, 0.3, GAIN)
     for _ in range(2):
         found = screen(problem, problem.at_hand(solved), PARTITIONS)
-        solved = trials_of(problem, solved, found, PARTITIONS, 0.0)[0].solved
+        solved = next(trials_of(problem, solved, found, PARTITIONS, 0.0))[0].solved
     assert rms(solved.scan_residual) < 1.05
     bend, gain = solved.effects
     assert isinstance(bend, AdcSaturation)
