@@ -24,7 +24,7 @@ from ertskin.diagnosis.search.entering import first_to_hold, likely, of_few_numb
 from ertskin.diagnosis.search.exchange import exchanged, gain_of_exchange
 from ertskin.diagnosis.search.form_error import form_error
 from ertskin.diagnosis.search.pressed_places import told_by_place
-from ertskin.diagnosis.search.settling import refined, where_it_settles
+from ertskin.diagnosis.search.settling import refined, spread, where_it_settles
 from ertskin.diagnosis.search.trials import Trial, is_worth_a_name, rms_of, trials_of, worth_a_name
 from ertskin.diagnosis.specimen.agreement import remembers_alike
 from ertskin.physics.conduction.mesh import MeshError
@@ -90,7 +90,8 @@ def selected_again(
     incumbent = where_it_settles(build, None, build(found).solve(kept, found.calibration))
     if incumbent is None:
         raise MeshError("what some presses have shown can't be meshed with all of them")
-    incumbent = refined(build, incumbent, partitions)
+    # What forms they take has been chosen on presses enough to tell.
+    incumbent = refined(build, incumbent, partitions, spread)
     if len(kept) < len(found.terms):
         incumbent = search.told_by_place(incumbent) or incumbent
     return search.completed(before, *search.pruned(incumbent), selection.specimen)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -37,25 +37,14 @@ def where_it_settles(build: Problem, problem: VoltageProblem | None, solved: Sol
         return None
 
 
-def refined(build: Problem, incumbent: CheckedFit, partitions: Sequence[Sequence[int]]) -> CheckedFit:
-    """Free what selection held, where that predicts better: a loop's shape, time constants of creep, smooth fields.
-
-    What has taken the fit far is settled, and what was freed about the old place freed about the new one again.
-    """
-    for _ in range(REFINED):
-        if incumbent.freed is incumbent.solved:
-            break
-        freed = _freed(incumbent, partitions)
-        proposed = None if freed is incumbent.solved else where_it_settles(build, incumbent.problem, freed)
-        if proposed is None or proposed.spoils(incumbent):
-            return replace(incumbent, freed=incumbent.solved)
-        before, incumbent = incumbent, proposed
-        if incumbent.misfit > STILL * before.misfit:
-            break
-    return incumbent
+def spread(fit: CheckedFit, partitions: Sequence[Sequence[int]]) -> Solved:
+    """The fit with smooth fields spread otherwise, where that predicts better."""
+    return with_smooth_fields(fit.problem, fit.solved, partitions)
 
 
-def _freed(fit: CheckedFit, partitions: Sequence[Sequence[int]]) -> Solved:
+def freed_forms(fit: CheckedFit, partitions: Sequence[Sequence[int]]) -> Solved:
+    """The fit with what selection held freed, where that predicts better: a loop's shape, time constants of creep,
+    smooth fields."""
     problem, current = fit.problem, fit.solved
     criteria = problem.evidence.criteria
     for number, term in enumerate(current.terms):
@@ -68,3 +57,26 @@ def _freed(fit: CheckedFit, partitions: Sequence[Sequence[int]]) -> Solved:
             if gain > criteria.significant_gain or of_frames(freed) < STILL**2 * of_frames(current):
                 current = freed
     return with_smooth_fields(problem, current, partitions)
+
+
+def refined(
+    build: Problem,
+    incumbent: CheckedFit,
+    partitions: Sequence[Sequence[int]],
+    free: Callable[[CheckedFit, Sequence[Sequence[int]]], Solved] = freed_forms,
+) -> CheckedFit:
+    """The fit with more of it free, where that predicts better.
+
+    What has taken the fit far is settled, and what was freed about the old place freed about the new one again.
+    """
+    for _ in range(REFINED):
+        if incumbent.freed is incumbent.solved:
+            break
+        freed = free(incumbent, partitions)
+        proposed = None if freed is incumbent.solved else where_it_settles(build, incumbent.problem, freed)
+        if proposed is None or proposed.spoils(incumbent):
+            return replace(incumbent, freed=incumbent.solved)
+        before, incumbent = incumbent, proposed
+        if incumbent.misfit > STILL * before.misfit:
+            break
+    return incumbent

@@ -21,6 +21,7 @@ from ertskin.diagnosis.fit.terms import Term
 from ertskin.diagnosis.search import entering, selection, settling, trials
 from ertskin.physics.conduction.mesh import MeshError
 from ertskin.physics.effects.crosstalk import Crosstalk
+from ertskin.physics.effects.hypothesis import Signal
 from ertskin.physics.effects.indenter_offset import IndenterOffset
 from ertskin.physics.effects.piezo_hysteresis import PiezoHysteresis
 from ertskin.physics.effects.piezo_inhomogeneity import PiezoInhomogeneity
@@ -151,8 +152,22 @@ def test_a_term_that_spoils_frames_solved_in_full_gives_way_to_the_next(monkeypa
     assert entering.first_to_hold(None, incumbent, trials[:1], []) is None  # type: ignore[arg-type]
 
 
-def trial(solved: str, name: str, gain: float, modes: Any = None) -> trials.Trial:
-    return trials.Trial(SimpleNamespace(name=name, modes=modes), gain, solved)  # type: ignore[arg-type]
+def trial(solved: str, name: str, gain: float, modes: Any = None, signals: tuple[Signal, ...] = ()) -> trials.Trial:
+    term = SimpleNamespace(name=name, modes=modes, effect=SimpleNamespace(signals=signals))
+    return trials.Trial(term, gain, solved)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(("signal", "holds"), [(Signal.NONRECIPROCAL, True), (Signal.READINGS, False)])
+def test_an_instrument_s_form_is_freed_before_it_is_said_to_spoil_frames(
+    signal: Signal, holds: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    incumbent, wrong, freed = (CheckedFit(PROBLEM, None, misfit, 0.0) for misfit in (3.0, 3.1, 2.0))  # type: ignore[arg-type]
+    monkeypatch.setattr(settling, "settled", lambda build, solved: wrong)
+    monkeypatch.setattr(entering, "refined", lambda build, fit, partitions: freed)
+    found = entering.first_to_hold(None, incumbent, [trial("wrong", "one", 50.0, signals=(signal,))], [])  # type: ignore[arg-type]
+    assert (found is not None) is holds
+    if found is not None:
+        assert found[1] is freed
 
 
 @pytest.mark.parametrize(("gain", "best"), [(30.0, "second"), (20.0, "first")])

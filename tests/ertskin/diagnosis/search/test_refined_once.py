@@ -4,19 +4,17 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import pytest
 from small_problem import PARTITIONS, START, recorded
 
 from ertskin.diagnosis.fit.full_solution_check import checked_fit
 from ertskin.diagnosis.fit.terms import Term
-from ertskin.diagnosis.search import settling
-from ertskin.diagnosis.search.settling import refined
+from ertskin.diagnosis.search.settling import refined, spread
 from ertskin.physics.effects.piezo_hysteresis import PiezoHysteresis
 
 LOOP = PiezoHysteresis(width=0.1)
 
 
-def test_a_fit_is_freed_once_and_another_one_again(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_fit_is_freed_once_and_another_one_again() -> None:
     problem = recorded(LOOP)
     fit = checked_fit(problem, problem.solve([Term(LOOP, ("width",))], START))
     asked = []
@@ -25,10 +23,16 @@ def test_a_fit_is_freed_once_and_another_one_again(monkeypatch: pytest.MonkeyPat
         asked.append(fit)
         return fit.solved
 
-    monkeypatch.setattr(settling, "_freed", freed)
-    once = refined(lambda solved: problem, fit, PARTITIONS)
+    once = refined(lambda solved: problem, fit, PARTITIONS, freed)
     assert once.solved is fit.solved
-    assert refined(lambda solved: problem, once, PARTITIONS) is once
+    assert refined(lambda solved: problem, once, PARTITIONS, freed) is once
     assert len(asked) == 1
-    refined(lambda solved: problem, replace(once, solved=problem.solve(once.solved.terms, START)), PARTITIONS)
+    again = replace(once, solved=problem.solve(once.solved.terms, START))
+    refined(lambda solved: problem, again, PARTITIONS, freed)
     assert len(asked) == 2
+
+
+def test_all_presses_spread_fields_and_free_no_forms() -> None:
+    problem = recorded(LOOP)
+    fit = checked_fit(problem, problem.solve([Term(LOOP, ("width",))], START))
+    assert spread(fit, PARTITIONS) is fit.solved
