@@ -16,6 +16,8 @@ from ertskin.physics.effects.standard import Standard
 from ertskin.physics.protocol import Protocol
 from ertskin.physics.sensor import Sensor
 
+EARLIER = 3
+"""How many readings before the last one are told apart, where each counts by itself."""
 BEGINNINGS = "carried", "discharged", "settled"
 LASTING = 0.5, 0.7
 """Where fits of a memory of more than one reading begin."""
@@ -31,9 +33,10 @@ class Crosstalk(AcquisitionEffect):
 
     ``before``: ``"channel"``, the channels read before; ``"injection"``, the same channel in the injections before.
     What is kept is the last reading before and, by the part ``lasting``, what that one had found: a mean of all before,
-    each counting ``lasting`` times as much as the next, for dielectrics give back slowly. ``begins``: what the first
-    channel of an injection finds: ``"carried"``, the last reading of the injection before; ``"discharged"``, an empty
-    capacitor; ``"settled"``, its own value already.
+    each counting ``lasting`` times as much as the next, for dielectrics give back slowly; or of that the parts
+    ``earlier`` (n,) are the readings two, three and more before, and none still earlier counts. ``begins``: what the
+    first channel of an injection finds: ``"carried"``, the last reading of the injection before; ``"discharged"``, an
+    empty capacitor; ``"settled"``, its own value already.
     ``passes``: whether readings that aren't taken charge the capacitor all the same, as a multiplexer does that steps
     through all its channels; where contacts of ``driven_ohm``, and of ``contacts_ohm`` (L,) more, electrode by
     electrode, carry the current their voltages are the largest.
@@ -56,6 +59,7 @@ class Crosstalk(AcquisitionEffect):
         "ohm", -1e5, 1e5, 0.0, 100.0, "contact of driven electrodes, beyond what readings tell", defining=False
     )
     shares: tuple[float, ...] = parameters("1", -0.5, 0.5, 0.0, 1e-3, "part more that a channel keeps")
+    earlier: tuple[float, ...] = parameters("1", -0.5, 1.0, 0.0, 0.1, "part of what is kept that an earlier reading is")
     contacts_ohm: tuple[float, ...] = parameters("ohm", -1e5, 1e5, 0.0, 100.0, "contact of a driven electrode")
     channel: int = -1
     before: str = "channel"
@@ -74,7 +78,9 @@ class Crosstalk(AcquisitionEffect):
         flat = np.ascontiguousarray(met, dtype=float).reshape(-1, protocol.taken.size)
         order, ends = _runs(protocol, self.before, self.begins == "carried", self.passes)
         kept = np.tile(self._kept(protocol.shape[1]), protocol.shape[0])
-        read = _mixed(flat, order, ends, kept, self.lasting, self.begins == "discharged").reshape(voltage_v.shape)
+        weight = np.array([1 - sum(self.earlier), *self.earlier])
+        read = _mixed(flat, order, ends, kept, self.lasting, weight, self.begins == "discharged")
+        read = read.reshape(voltage_v.shape)
         return read if protocol.taken.all() else np.where(protocol.taken, read, voltage_v)
 
     def _driven_ohm(self, electrodes: int) -> Array:
@@ -100,7 +106,7 @@ class Crosstalk(AcquisitionEffect):
         if self.channel >= 0:
             return {}
         kept = self.fraction + (float(np.mean(self.shares)) if self.shares else 0.0)
-        return {"share_kept": (1 - self.lasting) * kept}
+        return {"share_kept": (1 - self.lasting - sum(self.earlier)) * kept}
 
     @classmethod
     def reading_starts(cls, sensor: Sensor, protocol: Protocol) -> tuple[Start, ...]:
@@ -126,7 +132,9 @@ class Crosstalk(AcquisitionEffect):
         first may be but the one that keeps the most, contacts of driven electrodes that are passed, another
         beginning."""
         found = []
-        if "lasting" not in free:
+        if "lasting" in free:
+            found.append(self._by_reading(free))
+        elif not self.earlier:
             found += [Start(replace(self, lasting=one), (*free, "lasting")) for one in LASTING]
         if "fraction" in free and self.shares:
             kept = tuple(self._kept(len(self.shares)).tolist())
@@ -140,6 +148,15 @@ class Crosstalk(AcquisitionEffect):
             later = BEGINNINGS[BEGINNINGS.index(self.begins) + 1 :]
             found += [Start(replace(self, begins=one), free) for one in later]
         return tuple(found)
+
+    def _by_reading(self, free: tuple[str, ...]) -> Start:
+        """The same memory, of each of the readings before it by itself."""
+        weight = (1 - self.lasting) * self.lasting ** np.arange(EARLIER + 1)
+        counted = float(weight.sum())
+        earlier = tuple((weight[1:] / counted).tolist())
+        shares = tuple(counted * share for share in self.shares)
+        told = replace(self, fraction=counted * self.fraction, shares=shares, lasting=0.0, earlier=earlier)
+        return Start(told, (*(key for key in free if key != "lasting"), *_each("earlier", earlier)))
 
 
 def _each(name: str, several: tuple[float, ...]) -> list[str]:
@@ -160,9 +177,10 @@ def _runs(protocol: Protocol, before: str, carried: bool, passes: bool) -> tuple
 
 
 @njit(cache=True, nogil=True)
-def _mixed(flat, order, ends, kept, lasting, discharged):  # type: ignore[no-untyped-def]
-    """Readings (T,N) of which each is by the part ``kept`` (N,) what it found: the first of a run itself, or nothing
-    where it is ``discharged``, others what is left of the one before."""
+def _mixed(flat, order, ends, kept, lasting, weight, discharged):  # type: ignore[no-untyped-def]
+    """Readings (T,N) of which each is by the part ``kept`` (N,) what it found: those before it by their ``weight`` (n,)
+    or, where one alone counts, what is left of it; before a run all is as its first reading, or nothing if
+    ``discharged``."""
     mixed = flat.copy()
     for t in range(len(flat)):
         begin = 0
@@ -170,7 +188,14 @@ def _mixed(flat, order, ends, kept, lasting, discharged):  # type: ignore[no-unt
             found = 0.0
             for k in range(begin, end):
                 value = flat[t, order[k]]
-                if k > begin:
+                if len(weight) > 1:
+                    found = 0.0
+                    for j in range(len(weight)):
+                        if k - 1 - j >= begin:
+                            found += weight[j] * flat[t, order[k - 1 - j]]
+                        elif not discharged:
+                            found += weight[j] * flat[t, order[begin]]
+                elif k > begin:
                     before = flat[t, order[k - 1]]
                     found = lasting * found + (1 - lasting) * before if lasting else before
                 elif not discharged:

@@ -23,8 +23,9 @@ class ElectrodeDisplacement(ElectrodeEffect):
     """Electrode number ``electrode`` sits (dx, dy) from its nominal place, or ``along_m`` from it where electrodes are
     stretches of the sheet's rim, positive in the order of the outline.
 
-    Those sewn next to it, by their numbers, may be pulled along by the part ``pulled`` of its shift: the one that
-    follows where ``side`` is 1, the one before where it is -1, both where it is 0. The first follows the last.
+    Those sewn next to it, two stretches of the rim or the two nearest pads, may be pulled along by the part ``pulled``
+    of its shift: the later one by their numbers where ``side`` is 1, the earlier one where it is -1, both where it is
+    0. Along the rim the first follows the last.
     """
 
     name: ClassVar[str] = "electrode_displacement"
@@ -50,7 +51,7 @@ class ElectrodeDisplacement(ElectrodeEffect):
             raise ValueError(f"electrode_displacement.side = {self.side!r}: -1, 0 or 1")
 
     def geometry(self, sensor: Sensor) -> Sensor:
-        share = self._shares(sensor.electrodes)
+        share = self._shares(sensor)
         if sensor.electrode_edge_m is not None:
             if self.dx_m or self.dy_m:
                 raise ValueError("electrode_displacement: electrodes on the sheet's rim move along it, by along_m")
@@ -61,13 +62,20 @@ class ElectrodeDisplacement(ElectrodeEffect):
         center = np.array(sensor.electrode_center_m, dtype=float)
         return replace(sensor, electrode_center_m=center + share[:, None] * (self.dx_m, self.dy_m))
 
-    def _shares(self, electrodes: int) -> Array:
+    def _shares(self, sensor: Sensor) -> Array:
         """(L,) part of the shift that each electrode makes."""
-        share = np.zeros(electrodes)
-        ways = np.array([self.side] if self.side else [-1, 1])
-        share[(self.electrode + ways) % electrodes] = self.pulled
+        share, (earlier, later) = np.zeros(sensor.electrodes), self._next(sensor)
+        share[{1: [later], -1: [earlier], 0: [earlier, later]}[self.side]] = self.pulled
         share[self.electrode] = 1.0
         return share
+
+    def _next(self, sensor: Sensor) -> tuple[int, int]:
+        """Numbers of the two electrodes sewn next to it."""
+        if sensor.electrode_edge_m is not None:
+            return (self.electrode - 1) % sensor.electrodes, (self.electrode + 1) % sensor.electrodes
+        far_m = np.linalg.norm(sensor.electrode_middle_m - sensor.electrode_middle_m[self.electrode], axis=1)
+        first, second = np.sort(np.argsort(far_m, kind="stable")[1:3]).tolist()
+        return first, second
 
     def quantities(self, standard: Standard) -> dict[str, float]:
         """Where the electrode lies, from its place, in the middle of a stretch of the rim."""

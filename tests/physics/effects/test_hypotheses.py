@@ -64,7 +64,7 @@ def test_a_start_is_an_effect_with_something_free(kind: type[Effect]) -> None:
 @KINDS
 def test_freeing_its_form_comes_to_an_end_and_repeats_none(kind: type[Effect]) -> None:
     left = [(start.effect, start.free) for several in starts_of(kind).values() for start in several]
-    for _ in range(5):
+    for _ in range(8):
         left = [(form.effect, form.free) for effect, free in left for form in effect.freer(free)]
         for effect, free in left:
             assert isinstance(effect, kind)

@@ -72,6 +72,27 @@ def test_crosstalk_may_last_longer_than_a_reading(readings) -> None:
     assert along[0, 0, 0] == pytest.approx(readings[0, 0, 0])
 
 
+def test_crosstalk_may_be_of_a_few_readings_each_by_itself(readings) -> None:
+    changed = Crosstalk(fraction=0.1, earlier=(0.3, 0.2), begins="discharged").distorted_v(readings, PROTOCOL)
+    before = readings[0, 3]
+    found = 0.5 * before[2] + 0.3 * before[1] + 0.2 * before[0]
+    assert changed[0, 3, 3] == pytest.approx(0.9 * before[3] + 0.1 * found)
+    assert changed[0, 3, 1] == pytest.approx(0.9 * before[1] + 0.1 * 0.5 * before[0])
+    along = Crosstalk(fraction=0.1, earlier=(0.3, 0.2)).distorted_v(readings, PROTOCOL)
+    assert along[0, 0, 0] == pytest.approx(readings[0, 0, 0])
+    assert along[0, 0, 1] == pytest.approx(0.9 * readings[0, 0, 1] + 0.1 * readings[0, 0, 0])
+
+
+def test_a_memory_told_reading_by_reading_begins_as_the_same_memory(readings) -> None:
+    lasting = Crosstalk(fraction=0.02, shares=(0.0, 0.01, 0.0, 0.0, 0.0), lasting=0.2)
+    told, *_ = lasting.freer(("fraction", "lasting"))
+    assert told.free == ("fraction", "earlier[0]", "earlier[1]", "earlier[2]")
+    np.testing.assert_allclose(
+        told.effect.distorted_v(readings, PROTOCOL), lasting.distorted_v(readings, PROTOCOL), rtol=0, atol=2e-5
+    )
+    assert np.abs(lasting.distorted_v(readings, PROTOCOL) - readings).max() > 5e-3
+
+
 def adjacent(measured: np.ndarray | None = None) -> Protocol:
     """Eight electrodes, driven and read by neighbours, in volt per milliampere."""
     pairs = np.stack([np.arange(8), (np.arange(8) + 1) % 8], axis=1)

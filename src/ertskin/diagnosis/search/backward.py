@@ -13,6 +13,7 @@ from ertskin.diagnosis.fit.solved import Solved
 from ertskin.diagnosis.fit.terms import Term
 from ertskin.diagnosis.search.behind_fields import loss_beside_fields
 from ertskin.diagnosis.search.chosen import Chosen, Rivals, key_of
+from ertskin.diagnosis.search.forms import freer
 from ertskin.diagnosis.search.gain import gained
 from ertskin.diagnosis.search.pressed_places import fields_by_place, part_missed
 from ertskin.diagnosis.search.trials import is_worth_a_name, residual_count
@@ -36,10 +37,9 @@ def backward(
             current = problem.solve(current.terms, current.calibration, steps=2, leftover=instrument)
         chosen, dropped = [], None
         for k in range(fixed, len(current.terms)):
-            rest = [t for i, t in enumerate(current.terms) if i != k]
-            without = problem.solve(rest, current.calibration, steps=5, leftover=instrument)
-            loss = gained(without, current, partitions, problem.evidence.criteria)
             term = current.terms[k]
+            without = _without(problem, current, k, instrument)
+            loss = gained(without, current, partitions, problem.evidence.criteria)
             if not is_worth_a_name(problem, current, term, loss):
                 loss = max(loss, loss_beside_fields(problem, current, without, k))
             if not is_worth_a_name(problem, current, term, loss) and (dropped is None or loss < dropped[0]):
@@ -51,6 +51,23 @@ def backward(
         if dropped is None:
             return tuple(chosen), current
         current = dropped[1]
+
+
+def _without(problem: VoltageProblem, current: Solved, number: int, leftover: bool) -> Solved:
+    """The fit without the term of this ``number``, what else the instrument does in the form that fits best then.
+
+    An empty capacitor that a first channel finds is a gain of that channel, beside channels that find no empty one.
+    """
+    rest = [term for k, term in enumerate(current.terms) if k != number]
+    without = problem.solve(rest, current.calibration, steps=5, leftover=leftover)
+    if not shown_by(current.terms[number].effect, Signal.NONRECIPROCAL):
+        return without
+    for k, term in enumerate(rest):
+        for form in freer(term) if shown_by(term.effect, Signal.NONRECIPROCAL) else []:
+            terms = [*rest[:k], form, *rest[k + 1 :]]
+            freed = problem.solve(terms, current.calibration, leftover=leftover, hopeless=without.cost)
+            without = min(without, freed, key=lambda fit: fit.cost)
+    return without
 
 
 def with_lag(

@@ -59,10 +59,20 @@ def test_a_thread_pulls_its_neighbours_along(sheet: Sensor) -> None:
     ends = [arc_position(sheet.outline_m, one.electrode_edge_m[:, 0])[0] for one in (sheet, moved)]
     np.testing.assert_allclose(ends[1] - ends[0], 2e-3 * np.array([1, 0.5, 0, 0, 0, 0, 0, 0.5]), atol=1e-9)
     pads = Sensor(sheet.outline_m, 1e3, 20.0, 0.5 * sheet.electrode_middle_m, np.full((ELECTRODES, 2), 2e-3))
-    inside = ElectrodeDisplacement(3, dx_m=1e-3, pulled=0.5, side=1).geometry(pads)
-    assert (inside.electrode_center_m - pads.electrode_center_m)[:, 0] == pytest.approx(
-        1e-3 * np.array([0, 0, 0, 1, 0.5, 0, 0, 0])
-    )
+    for side, expected in ((1, [0, 0, 0, 1, 0.5, 0, 0, 0]), (-1, [0, 0, 0.5, 1, 0, 0, 0, 0])):
+        inside = ElectrodeDisplacement(3, dx_m=1e-3, pulled=0.5, side=side).geometry(pads)
+        shift_m = (inside.electrode_center_m - pads.electrode_center_m)[:, 0]
+        assert shift_m == pytest.approx(1e-3 * np.array(expected))
+
+
+def test_a_thread_pulls_the_nearest_pads_whatever_their_numbers(sheet: Sensor) -> None:
+    place_m = 1e-2 * np.array([[0, 0], [3, 0], [0, 3], [1, 0], [3, 3], [0, 1.5], [2, 2], [3, 1]])
+    pads = Sensor(sheet.outline_m, 1e3, 20.0, place_m, np.full((ELECTRODES, 2), 2e-3))
+    for side, expected in ((0, [1, 0, 0, 0.5, 0, 0.5, 0, 0]), (1, [1, 0, 0, 0, 0, 0.5, 0, 0])):
+        moved = ElectrodeDisplacement(0, dy_m=1e-3, pulled=0.5, side=side).geometry(pads)
+        shift_m = moved.electrode_center_m - place_m
+        assert shift_m[:, 1] == pytest.approx(1e-3 * np.array(expected))
+        assert not shift_m[:, 0].any()
 
 
 def test_it_states_where_the_middle_went(sheet: Sensor) -> None:
