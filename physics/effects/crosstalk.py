@@ -18,7 +18,8 @@ from ertskin.physics.sensor import Sensor
 
 EARLIER = 3
 """How many readings before the last one are told apart, where each counts by itself."""
-BEGINNINGS = "carried", "discharged", "settled"
+BEGINNINGS = "settled", "carried", "discharged"
+"""In which order they are tried where channels keep each their own part."""
 LASTING = 0.5, 0.7
 """Where fits of a memory of more than one reading begin."""
 LONGEST = 0.8
@@ -114,10 +115,11 @@ class Crosstalk(AcquisitionEffect):
         ways, channels = ("channel", "injection"), range(protocol.shape[1])
         contacts = () if protocol.taken.all() else (0.0,) * protocol.electrodes
         alike = cls(fraction=0.01, shares=(0.0,) * protocol.shape[1], contacts_ohm=contacts)
-        every = [replace(alike, before=way) for way in ways] + [replace(alike, begins=one) for one in BEGINNINGS[1:]]
+        every = [replace(alike, before=way) for way in ways]
+        every += [replace(alike, begins=one) for one in ("discharged", "settled")]
         every += [replace(alike, channel=channel, before=way) for way in ways for channel in channels]
         first = np.unique(protocol.taken.argmax(axis=1)).tolist()
-        every += [replace(alike, channel=channel, begins=BEGINNINGS[1]) for channel in first]
+        every += [replace(alike, channel=channel, begins="discharged") for channel in first]
         lasting = [replace(alike, lasting=one) for one in LASTING]
         found = [Start(one, ("fraction",), ("fraction",)) for one in every]
         found += [Start(one, ("fraction", "lasting"), ("fraction",)) for one in lasting]
