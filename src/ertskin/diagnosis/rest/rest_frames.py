@@ -13,7 +13,7 @@ from ertskin.diagnosis.criteria import Criteria
 from ertskin.diagnosis.linear.calibration_vector import CONTACT_SPREAD
 from ertskin.diagnosis.linear.sensitivity import sheet_sensitivity, whitening_of_transfer
 from ertskin.diagnosis.recording.evidence import Evidence
-from ertskin.diagnosis.rest.settling_contacts import settling_contacts
+from ertskin.diagnosis.rest.settling_contacts import NONE_SETTLES, Settling, settling_contacts
 from ertskin.diagnosis.rest.wandering_contacts import ENOUGH_RESTS, Drifting, contact_drift, each_moved
 from ertskin.diagnosis.rest.warmth import RestWarmth, warmth_at_rest
 from ertskin.physics.history import History
@@ -71,10 +71,7 @@ def rested(skin: Skin, evidence: Evidence) -> Rested:
     scans = evidence.scan_v[good]
     first, columns, _ = fitted_at_rest(skin, scans.mean(axis=0))
     every = imprints(first, evidence.history)
-    # What one number explains isn't left for a contact each and places that recover.
-    warmth = warmth_at_rest(first, evidence, good, scans - scans.mean(axis=0), columns[:, -1])
-    if warmth.name is not None and warmth.uneven < _settled(scans, evidence, good, columns, every[good]):
-        warmth = RestWarmth.none_in(scans)
+    warmth, settling = _warmth(first, evidence, good, columns, every[good])
     scans = scans - warmth.change_v
     traces = _needed(every[good], scans - scans.mean(axis=0), columns, evidence.noise_v)
     mean = _undisturbed_mean(scans, columns, traces)
@@ -85,21 +82,41 @@ def rested(skin: Skin, evidence: Evidence) -> Rested:
     time_s, contacts = evidence.history.time_s[good], skin.contact_resistance_ohm
     run = np.cumsum(~evidence.rest, dtype=np.intp)[good]
     criteria, doubt = evidence.criteria, warmth.doubt
-    given = evidence.noise_v, columns, traces, contacts, criteria, partial(_scan_at_rest, skin), doubt
+    given = evidence.noise_v, columns, traces, contacts, criteria, partial(_scan_at_rest, skin), doubt, settling
     drifting = contact_drift(scans - mean, time_s, run, *given)
     noise = _scatter(clean, run, columns, (evidence.noise_v, evidence.leftover_error), criteria)
     left_out = every[..., : traces.shape[2]]
     return Rested(skin, mean, mean_noise_v, misfit, drifting, noise, left_out, warmth.name)
 
 
-def _settled(scans: Array, evidence: Evidence, good: NDArray[np.bool_], columns: Array, traces: Array) -> float:
-    """Chi-square that contacts which settle explain of the rest frames' scans (R,P), those of the frames ``good``;
-    nought where places that recover (``traces``) are seen."""
+def _warmth(
+    skin: Skin, evidence: Evidence, good: NDArray[np.bool_], columns: Array, traces: Array
+) -> tuple[RestWarmth, Settling]:
+    """What warms the sheet by the rest frames ``good`` (T,), and the contacts that settle where it is seen in what they
+    leave, none where it is seen by itself.
+
+    What one number explains isn't left for a contact each and places that recover. A scan warms the sheet next to the
+    pads, as if contacts changed there; beside some that do settle it is told by all the others.
+    """
+    scans = evidence.scan_v[good]
     change = scans - scans.mean(axis=0)
-    if len(scans) < ENOUGH_RESTS or _needed(traces, change, columns, evidence.noise_v).any():
-        return 0.0
-    designs = [columns / evidence.noise_v] * len(scans)
-    return settling_contacts(change / evidence.noise_v, designs, evidence.history.time_s[good]).explained
+    warmth = warmth_at_rest(skin, evidence, good, change, columns[:, -1])
+    settling = _settling(change, evidence, good, columns, traces)
+    if warmth.name is not None and warmth.uneven >= settling.explained:
+        return warmth, NONE_SETTLES
+    beside = RestWarmth.none_in(change)
+    if settling.size:
+        beside = warmth_at_rest(skin, evidence, good, change - settling.done(columns), columns[:, -1])
+    return beside._replace(change_v=beside.whole_v), settling if beside.name is not None else NONE_SETTLES
+
+
+def _settling(change: Array, evidence: Evidence, good: NDArray[np.bool_], columns: Array, traces: Array) -> Settling:
+    """The contacts that settle by the changes (R,P) of the rest frames ``good``; none where places that recover
+    (``traces``) are seen."""
+    if len(change) < ENOUGH_RESTS or _needed(traces, change, columns, evidence.noise_v).any():
+        return NONE_SETTLES
+    designs = [columns / evidence.noise_v] * len(change)
+    return settling_contacts(change / evidence.noise_v, designs, evidence.history.time_s[good])
 
 
 def guessed_ohm(sensor: Sensor) -> float:

@@ -36,6 +36,11 @@ class Settling(NamedTuple):
         """(R,) shares of each contact's resistance."""
         return {contact: size * self.course for contact, size in self.size.items()}
 
+    def done(self, columns: Array) -> Array:
+        """(R,P) what they change, by columns (P,n) of which each contact's is at its number."""
+        pattern = columns[:, list(self.size)] @ np.array(list(self.size.values()))
+        return np.multiply.outer(self.course, pattern)
+
 
 NONE_SETTLES = Settling({}, np.zeros(0), 0.0)
 

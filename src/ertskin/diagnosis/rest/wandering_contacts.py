@@ -56,9 +56,10 @@ def contact_drift(
     criteria: Criteria,
     scan_of: ScanOf,
     doubt: float = 0.0,
+    settling: Settling = NONE_SETTLES,
 ) -> Drifting:
     """What each contact did over the recording, from its rest frames, where they wander beyond noise and ``doubt``, or
-    settle together where nothing else is in doubt and no places recover.
+    settle together where nothing else is in doubt and no places recover; those ``settling`` are known to.
 
     ``run`` (R,) numbers the rest frames' runs between presses. A contact that is another one in every run has no path
     that pressed frames could differ from: that is noise. Of fewer than five runs nothing tells the two apart, and a
@@ -73,11 +74,16 @@ def contact_drift(
     designs = [columns - p @ columns for p in free]
     # Places that recover settle too, and so does what has been taken off before.
     doubtful = traces.any() or doubt
-    found = NONE_SETTLES if doubtful else settling_contacts(rest, [d / noise_v for d in designs], time_s)
+    found = settling if doubtful else settling_contacts(rest, [d / noise_v for d in designs], time_s)
     settled_ohm = _settled_ohm(found, change_v, seen, columns, contacts, noise_v, scan_of, criteria)
     usual_ohm = contacts.copy()
     usual_ohm[list(settled_ohm)] = [ohm.mean() for ohm in settled_ohm.values()]
     taken = traces.any(axis=1).sum(axis=1).tolist()
+    if settling.size:
+        # What all the others change by is warmth's.
+        done = settling.done(columns)
+        rest = rest - done / noise_v
+        seen = each_moved(change_v - done, noise_v, columns, traces)
     paths = _paths(seen, run, partial(wandering, rest, designs, taken, doubt=doubt), criteria)
     drift_ohm = {k: usual_ohm[k] * path for k, path in paths.items()}
     drift_ohm |= {k: ohm - usual_ohm[k] for k, ohm in settled_ohm.items()}

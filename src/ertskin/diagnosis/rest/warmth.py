@@ -36,18 +36,20 @@ class RestWarmth(NamedTuple):
 
     ``doubt`` chi-square of what is uneven that contacts don't explain: what the error of warmth's form may leave, or
     all that is within chance where warmth is clearly seen. ``uneven`` chi-square that warmth with a name explains of
-    what the whole sheet alike doesn't make.
+    what the whole sheet alike doesn't make. ``whole_v`` (R,P) all that it explains, also where the sheet alike makes
+    nearly all of it and no part is taken off.
     """
 
     change_v: Array
     doubt: float
     name: str | None
-    uneven: float = 0.0
+    uneven: float
+    whole_v: Array
 
     @classmethod
     def none_in(cls, change_v: Array) -> RestWarmth:
         """That nothing warms in changes (R,P)."""
-        return cls(np.zeros_like(change_v), 0.0, None)
+        return cls(np.zeros_like(change_v), 0.0, None, 0.0, np.zeros_like(change_v))
 
 
 def warmth_at_rest(
@@ -85,9 +87,9 @@ def warmth_at_rest(
     if before[1] < chance:
         # The sheet alike makes nearly all of it, and a search finds that without the rest frames' help; but what one
         # pattern clearly explains of the little that is left isn't for contacts to share out.
-        return RestWarmth(nothing.change_v, chance, effect.name, float(before[1] - left[1]))
+        return RestWarmth(nothing.change_v, chance, effect.name, float(before[1] - left[1]), best)
     doubt = float(((effect.form_error_at_rest * uneven(best)) ** 2).sum()) / evidence.noise_v**2
-    return RestWarmth(best, doubt, effect.name, float(before[1] - left[1]))
+    return RestWarmth(best, doubt, effect.name, float(before[1] - left[1]), best)
 
 
 def _starts(evidence: Evidence) -> Iterator[Start]:

@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 from small_skin import SMALL, small_law, small_sensor
 
-from ertskin.diagnosis.rest.rest_frames import fitted_at_rest
+from ertskin.diagnosis.rest.rest_frames import _warmth, fitted_at_rest
 from ertskin.diagnosis.rest.warmth import warmth_at_rest
+from ertskin.physics.effects.contact_drift import ContactDrift
 from ertskin.physics.effects.effect import Effect
 from ertskin.physics.effects.self_heating import SelfHeating
 from ertskin.physics.effects.temperature_drift import TemperatureDrift
@@ -50,7 +51,7 @@ def at_rest(skin: Skin, *effects: Effect) -> tuple[Any, np.ndarray, np.ndarray]:
 
 def test_it_takes_what_warmth_did_and_leaves_the_noise(skin: Skin) -> None:
     evidence, change, whole = at_rest(skin, SelfHeating(crowded_rise=-0.01, lasts_s=12.0))
-    warmth, doubt, name, _ = warmth_at_rest(skin, evidence, RESTS, change, whole)
+    warmth, doubt, name, *_ = warmth_at_rest(skin, evidence, RESTS, change, whole)
     assert name == "self_heating"
     left = change - warmth
     assert np.sqrt((change**2).mean()) > 3 * NOISE_V
@@ -63,7 +64,7 @@ def test_it_takes_what_warmth_did_and_leaves_the_noise(skin: Skin) -> None:
 
 def test_a_room_warmer_on_one_side_is_no_contacts(skin: Skin) -> None:
     evidence, change, whole = at_rest(skin, TemperatureDrift(rate_per_h=-0.3, settle_h=0.1, gradient_x=0.6))
-    warmth, _, name, _ = warmth_at_rest(skin, evidence, RESTS, change, whole)
+    warmth, _, name, *_ = warmth_at_rest(skin, evidence, RESTS, change, whole)
     assert name == "temperature_drift"
     assert np.sqrt((change**2).mean()) > 3 * NOISE_V
     assert np.sqrt(((change - warmth) ** 2).mean()) == pytest.approx(NOISE_V, rel=0.1)
@@ -72,7 +73,7 @@ def test_a_room_warmer_on_one_side_is_no_contacts(skin: Skin) -> None:
 @pytest.mark.parametrize("others", [(), (TemperatureDrift(rate_per_h=-1.0),)], ids=["noise", "an even drift"])
 def test_it_takes_nothing_where_nothing_warms_unevenly(skin: Skin, others: tuple[Effect, ...]) -> None:
     evidence, change, whole = at_rest(skin, *others)
-    warmth, doubt, name, _ = warmth_at_rest(skin, evidence, RESTS, change, whole)
+    warmth, doubt, name, *_ = warmth_at_rest(skin, evidence, RESTS, change, whole)
     assert not warmth.any()
     assert doubt == 0.0
     assert name is None
@@ -83,7 +84,27 @@ def test_what_is_uneven_within_chance_is_no_contacts_where_warmth_is_seen(skin: 
     level = whole / np.linalg.norm(whole)
     uneven = change - np.outer(change @ level, level)
     excess = (uneven**2).sum() / NOISE_V**2 - len(change) * (len(level) - 1)
-    warmth, doubt, name, _ = warmth_at_rest(skin, evidence, RESTS, change, whole)
+    warmth, doubt, name, *_ = warmth_at_rest(skin, evidence, RESTS, change, whole)
     assert not warmth.any()
     assert doubt > excess
     assert name == "self_heating"
+
+
+def settling(electrode: int, ohm: float) -> ContactDrift:
+    course = np.log1p(TIME_S / 100.0)
+    return ContactDrift(electrode, knot_s=tuple(TIME_S.tolist()), ohm=tuple((ohm * course).tolist()))
+
+
+@pytest.mark.parametrize("warm", [True, False])
+def test_it_is_seen_beside_contacts_that_settle(skin: Skin, warm: bool) -> None:
+    heat = (SelfHeating(crowded_rise=-0.002, lasts_s=12.0),) if warm else ()
+    evidence, change, _ = at_rest(skin, *heat, settling(1, 60.0), settling(4, -60.0))
+    evidence.scan_v = np.zeros((len(TIME_S), change.shape[1]))
+    evidence.scan_v[RESTS] = change
+    columns = fitted_at_rest(
+        skin, skin.protocol.whitened(skin.pair_resistance_ohm(evidence.history, wanted=np.zeros(1, int)))[0]
+    )[1]
+    found, beside = _warmth(skin, evidence, RESTS, columns, np.zeros((len(change), change.shape[1], 3)))
+    assert found.name == ("self_heating" if warm else None)
+    assert set(beside.size) == ({1, 4} if warm else set())
+    assert found.change_v.any() == warm
