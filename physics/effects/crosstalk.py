@@ -60,8 +60,12 @@ class Crosstalk(AcquisitionEffect):
         "ohm", -1e5, 1e5, 0.0, 100.0, "contact of driven electrodes, beyond what readings tell", defining=False
     )
     shares: tuple[float, ...] = parameters("1", -0.5, 0.5, 0.0, 1e-3, "part more that a channel keeps")
-    earlier: tuple[float, ...] = parameters("1", -0.5, 1.0, 0.0, 0.1, "part of what is kept that an earlier reading is")
-    contacts_ohm: tuple[float, ...] = parameters("ohm", -1e5, 1e5, 0.0, 100.0, "contact of a driven electrode")
+    earlier: tuple[float, ...] = parameters(
+        "1", -0.5, 1.0, 0.0, 0.1, "part of what is kept that an earlier reading is", defining=False
+    )
+    contacts_ohm: tuple[float, ...] = parameters(
+        "ohm", -1e5, 1e5, 0.0, 100.0, "contact of a driven electrode, beyond what readings tell", defining=False
+    )
     channel: int = -1
     before: str = "channel"
     begins: str = "carried"
@@ -73,6 +77,8 @@ class Crosstalk(AcquisitionEffect):
             raise ValueError(f'crosstalk.before = {self.before!r}: "channel" or "injection"')
         if self.begins not in BEGINNINGS:
             raise ValueError(f"crosstalk.begins = {self.begins!r}: one of {', '.join(BEGINNINGS)}")
+        if self.lasting and self.earlier:
+            raise ValueError("crosstalk: a memory is lasting, or told by earlier readings")
 
     def distorted_v(self, voltage_v: Array, protocol: Protocol) -> Array:
         met = protocol.with_passed(voltage_v, self._driven_ohm(protocol.electrodes)) if self.passes else voltage_v
@@ -101,6 +107,9 @@ class Crosstalk(AcquisitionEffect):
         if given and len(given) != count:
             raise ValueError(f"crosstalk.{name}: {len(given)} given, the scan has {count} {things}")
         return np.array(given) if given else np.zeros(count)
+
+    def size(self, key: str) -> float:
+        return float(np.mean(np.abs(self._kept(max(1, len(self.shares)))))) if key == "fraction" else super().size(key)
 
     def quantities(self, standard: Standard) -> dict[str, float]:
         """What is kept of the reading before, where all channels do: mean over channels."""
@@ -131,7 +140,7 @@ class Crosstalk(AcquisitionEffect):
 
     def freer(self, free: tuple[str, ...]) -> tuple[Start, ...]:
         """With a memory of more than the last reading, channels that each keep their own part, of which the one found
-        first may be but the one that keeps the most, contacts of driven electrodes that are passed, another
+        first may be but the one that keeps the most, contacts of driven electrodes that are passed, a later
         beginning."""
         found = []
         if "lasting" in free:
@@ -143,9 +152,11 @@ class Crosstalk(AcquisitionEffect):
             each = replace(self, fraction=0.0, channel=-1, shares=kept)
             others = (key for key in free if key != "fraction")
             found.append(Start(each, (*others, *_each("shares", self.shares))))
-        if self.contacts_ohm and "contacts_ohm[0]" not in free:
+        if self.contacts_ohm and "contacts_ohm[0]" not in free and self.channel < 0 and self.before == "channel":
             others = (key for key in free if key != "driven_ohm")
-            found.append(Start(replace(self, passes=True), (*others, *_each("contacts_ohm", self.contacts_ohm))))
+            contacts = tuple(self._driven_ohm(len(self.contacts_ohm)).tolist())
+            passed = replace(self, passes=True, driven_ohm=0.0, contacts_ohm=contacts)
+            found.append(Start(passed, (*others, *_each("contacts_ohm", contacts))))
         if "fraction" not in free and self.before == "channel":
             later = BEGINNINGS[BEGINNINGS.index(self.begins) + 1 :]
             found += [Start(replace(self, begins=one), free) for one in later]

@@ -63,9 +63,11 @@ def parameter(
     )
 
 
-def parameters(unit: str, low: float, high: float, neutral: float, typical: float, meaning: str) -> Any:
+def parameters(
+    unit: str, low: float, high: float, neutral: float, typical: float, meaning: str, *, defining: bool = True
+) -> Any:
     """A dataclass field (n,) of several of a kind, none by default: ``name[k]`` is the k-th of a field ``name``."""
-    return field(default=(), metadata={"parameters": Parameter(unit, low, high, neutral, typical, meaning)})
+    return field(default=(), metadata={"parameters": Parameter(unit, low, high, neutral, typical, meaning, defining)})
 
 
 @dataclass(frozen=True)
@@ -375,6 +377,10 @@ class AcquisitionEffect(Effect):
         """(T,K,M) what the instrument says of readings (T,K,M) in volt at times (T,)."""
         read, part = self.distorted_v(voltage_v, protocol), self.part_at(time_s)
         return read if part is None else voltage_v + part[:, None, None] * (read - voltage_v)
+
+    def size(self, key: str) -> float:
+        """How large a parameter is, either sign, the mean of several that stand for it."""
+        return abs(self.value(key))
 
     def scaled_to(self, largest_v: float) -> Self:
         """The same where no reading is larger than ``largest_v``, either sign: an effect that isn't linear is told by

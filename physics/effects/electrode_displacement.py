@@ -23,9 +23,9 @@ class ElectrodeDisplacement(ElectrodeEffect):
     """Electrode number ``electrode`` sits (dx, dy) from its nominal place, or ``along_m`` from it where electrodes are
     stretches of the sheet's rim, positive in the order of the outline.
 
-    Those sewn next to it, two stretches of the rim or the two nearest pads, may be pulled along by the part ``pulled``
-    of its shift: the later one by their numbers where ``side`` is 1, the earlier one where it is -1, both where it is
-    0. Along the rim the first follows the last.
+    Those sewn next to it, by their numbers the ``next_to`` it, may be pulled along by the part ``pulled`` of its shift:
+    the second of them where ``side`` is 1, the first where it is -1, both where it is 0. Where none are given they are
+    the one before and the one that follows; the first follows the last.
     """
 
     name: ClassVar[str] = "electrode_displacement"
@@ -44,14 +44,17 @@ class ElectrodeDisplacement(ElectrodeEffect):
     pulled: float = parameter("1", 0.0, 0.95, 0.0, 0.1, "part of its shift that its neighbours make", defining=False)
 
     side: int = 0
+    next_to: tuple[int, ...] = ()
 
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.side not in (-1, 0, 1):
             raise ValueError(f"electrode_displacement.side = {self.side!r}: -1, 0 or 1")
+        if len(self.next_to) not in (0, 2):
+            raise ValueError(f"electrode_displacement.next_to: {len(self.next_to)} electrodes, two are asked for")
 
     def geometry(self, sensor: Sensor) -> Sensor:
-        share = self._shares(sensor)
+        share = self._shares(sensor.electrodes)
         if sensor.electrode_edge_m is not None:
             if self.dx_m or self.dy_m:
                 raise ValueError("electrode_displacement: electrodes on the sheet's rim move along it, by along_m")
@@ -62,20 +65,14 @@ class ElectrodeDisplacement(ElectrodeEffect):
         center = np.array(sensor.electrode_center_m, dtype=float)
         return replace(sensor, electrode_center_m=center + share[:, None] * (self.dx_m, self.dy_m))
 
-    def _shares(self, sensor: Sensor) -> Array:
+    def _shares(self, electrodes: int) -> Array:
         """(L,) part of the shift that each electrode makes."""
-        share, (earlier, later) = np.zeros(sensor.electrodes), self._next(sensor)
-        share[{1: [later], -1: [earlier], 0: [earlier, later]}[self.side]] = self.pulled
+        share = np.zeros(electrodes)
+        first, second = self.next_to or (self.electrode - 1, self.electrode + 1)
+        pulled = {1: [second], -1: [first], 0: [first, second]}[self.side]
+        share[np.array(pulled) % electrodes] = self.pulled
         share[self.electrode] = 1.0
         return share
-
-    def _next(self, sensor: Sensor) -> tuple[int, int]:
-        """Numbers of the two electrodes sewn next to it."""
-        if sensor.electrode_edge_m is not None:
-            return (self.electrode - 1) % sensor.electrodes, (self.electrode + 1) % sensor.electrodes
-        far_m = np.linalg.norm(sensor.electrode_middle_m - sensor.electrode_middle_m[self.electrode], axis=1)
-        first, second = np.sort(np.argsort(far_m, kind="stable")[1:3]).tolist()
-        return first, second
 
     def quantities(self, standard: Standard) -> dict[str, float]:
         """Where the electrode lies, from its place, in the middle of a stretch of the rim."""
@@ -88,13 +85,23 @@ class ElectrodeDisplacement(ElectrodeEffect):
 
     @classmethod
     def reading_starts(cls, sensor: Sensor, protocol: Protocol) -> tuple[Start, ...]:
-        """Every electrode alone, then every one with its neighbours."""
-        ways = ("dx_m", "dy_m") if sensor.electrode_edge_m is None else ("along_m",)
-        each = [cls(electrode, pulled=pulled) for pulled in (0.0, PULLED) for electrode in range(sensor.electrodes)]
-        return tuple(Start(one, ways, ways) for one in each)
+        """Every electrode alone, then every one with its neighbours, inside the sheet the two nearest."""
+        inside = sensor.electrode_edge_m is None
+        ways = ("dx_m", "dy_m") if inside else ("along_m",)
+        nearest = [_nearest(sensor, electrode) if inside else () for electrode in range(sensor.electrodes)]
+        alone = [cls(electrode, next_to=pads) for electrode, pads in enumerate(nearest)]
+        pulling = [replace(one, pulled=PULLED) for one in alone]
+        return tuple(Start(one, ways, ways) for one in (*alone, *pulling))
 
     def freer(self, free: tuple[str, ...]) -> tuple[Start, ...]:
         """With neighbours that one thread pulls along."""
         if "pulled" in free:
             return ()
         return tuple(Start(replace(self, pulled=PULLED, side=side), (*free, "pulled")) for side in (1, -1, 0))
+
+
+def _nearest(sensor: Sensor, electrode: int) -> tuple[int, ...]:
+    """Numbers of the two pads nearest to one, the first of those equally near; none where there aren't two."""
+    far_m = np.linalg.norm(sensor.electrode_middle_m - sensor.electrode_middle_m[electrode], axis=1)
+    nearest = np.argsort(np.round(far_m, 5), kind="stable")[1:3]
+    return tuple(sorted(nearest.tolist())) if len(nearest) == 2 else ()

@@ -191,6 +191,18 @@ def test_shares_are_as_many_as_channels(readings) -> None:
         Crosstalk(shares=(0.1, 0.2)).distorted_v(readings, PROTOCOL)
 
 
+def test_its_size_is_what_channels_keep_whatever_else_there_is_several_of() -> None:
+    effect = Crosstalk(shares=(0.02, -0.02), earlier=(0.3, 0.2), contacts_ohm=(300.0,) * 8, passes=True)
+    assert effect.size("fraction") == pytest.approx(0.02)
+    assert Crosstalk(fraction=0.01).size("fraction") == pytest.approx(0.01)
+    assert effect.size("driven_ohm") == 0.0
+
+
+def test_a_memory_lasts_or_is_told_reading_by_reading() -> None:
+    with pytest.raises(ValueError, match="lasting, or told"):
+        Crosstalk(lasting=0.5, earlier=(0.1,))
+
+
 def test_an_unknown_beginning_is_refused() -> None:
     with pytest.raises(ValueError, match="begins"):
         Crosstalk(begins="anyhow")

@@ -36,7 +36,7 @@ it by 0.05 and 0.14 (``c026`` of ``eighth32``, ``known_piezo_hysteresis``)."""
 class CheckedFit:
     """A fit and the problem it was made with. On a few frames solved in full: ``misfit`` of the fit and ``off``, by how
     much the linearised skin differs from the whole one, both rms over noise. ``freed`` is the same
-    fit once its forms were freed and none held and was better."""
+    fit once more of it was freed and nothing held and was better."""
 
     problem: VoltageProblem
     solved: Solved

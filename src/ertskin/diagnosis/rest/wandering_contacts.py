@@ -73,22 +73,27 @@ def contact_drift(
     rest = np.stack([c - p @ c for c, p in zip(change_v / noise_v, free, strict=True)])
     designs = [columns - p @ columns for p in free]
     # Places that recover settle too, and so does what has been taken off before.
-    doubtful = traces.any() or doubt
-    found = settling if doubtful else settling_contacts(rest, [d / noise_v for d in designs], time_s)
+    surely = not traces.any() and not doubt
+    found = settling_contacts(rest, [d / noise_v for d in designs], time_s) if surely else settling
     settled_ohm = _settled_ohm(found, change_v, seen, columns, contacts, noise_v, scan_of, criteria)
     usual_ohm = contacts.copy()
     usual_ohm[list(settled_ohm)] = [ohm.mean() for ohm in settled_ohm.values()]
     taken = traces.any(axis=1).sum(axis=1).tolist()
     if settling.size:
         # What all the others change by is warmth's.
-        done = settling.done(columns)
-        rest = rest - done / noise_v
-        seen = each_moved(change_v - done, noise_v, columns, traces)
+        left_v = change_v - settling.done(columns)
+        rest, seen = left_v / noise_v, each_moved(left_v, noise_v, columns, traces)
     paths = _paths(seen, run, partial(wandering, rest, designs, taken, doubt=doubt), criteria)
+    return Drifting(_drifts(paths, settled_ohm, usual_ohm, time_s), frozenset(settled_ohm), usual_ohm)
+
+
+def _drifts(
+    paths: dict[int, Array], settled_ohm: dict[int, Array], usual_ohm: Array, time_s: Array
+) -> tuple[Effect, ...]:
+    """Contacts that wander, by shares of their resistance, and those that settle, by their resistance."""
     drift_ohm = {k: usual_ohm[k] * path for k, path in paths.items()}
     drift_ohm |= {k: ohm - usual_ohm[k] for k, ohm in settled_ohm.items()}
-    effects = (_drift(k, ohm, time_s) for k, ohm in sorted(drift_ohm.items()))
-    return Drifting(tuple(effects), frozenset(settled_ohm), usual_ohm)
+    return tuple(_drift(k, ohm, time_s) for k, ohm in sorted(drift_ohm.items()))
 
 
 def _paths(

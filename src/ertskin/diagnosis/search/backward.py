@@ -12,7 +12,7 @@ from ertskin.diagnosis.fit.joint_fit import VoltageProblem
 from ertskin.diagnosis.fit.solved import Solved
 from ertskin.diagnosis.fit.terms import Term
 from ertskin.diagnosis.search.behind_fields import loss_beside_fields
-from ertskin.diagnosis.search.chosen import Chosen, Rivals, key_of
+from ertskin.diagnosis.search.chosen import Chosen, Rivals, carried, key_of
 from ertskin.diagnosis.search.forms import freer
 from ertskin.diagnosis.search.gain import gained
 from ertskin.diagnosis.search.pressed_places import fields_by_place, part_missed
@@ -38,7 +38,8 @@ def backward(
         chosen, dropped = [], None
         for k in range(fixed, len(current.terms)):
             term = current.terms[k]
-            without = _without(problem, current, k, instrument)
+            without = _without(problem, current, k, instrument, partitions)
+            carried(stand, [t for i, t in enumerate(current.terms) if i != k], without.terms)
             loss = gained(without, current, partitions, problem.evidence.criteria)
             if not is_worth_a_name(problem, current, term, loss):
                 loss = max(loss, loss_beside_fields(problem, current, without, k))
@@ -53,8 +54,10 @@ def backward(
         current = dropped[1]
 
 
-def _without(problem: VoltageProblem, current: Solved, number: int, leftover: bool) -> Solved:
-    """The fit without the term of this ``number``, what else the instrument does in the form that fits best then.
+def _without(
+    problem: VoltageProblem, current: Solved, number: int, leftover: bool, partitions: Sequence[Sequence[int]]
+) -> Solved:
+    """The fit without the term of this ``number``, what else the instrument does in a freer form where that gains.
 
     An empty capacitor that a first channel finds is a gain of that channel, beside channels that find no empty one.
     """
@@ -64,9 +67,10 @@ def _without(problem: VoltageProblem, current: Solved, number: int, leftover: bo
         return without
     for k, term in enumerate(rest):
         for form in freer(term) if shown_by(term.effect, Signal.NONRECIPROCAL) else []:
-            terms = [*rest[:k], form, *rest[k + 1 :]]
-            freed = problem.solve(terms, current.calibration, leftover=leftover, hopeless=without.cost)
-            without = min(without, freed, key=lambda fit: fit.cost)
+            terms = [*without.terms[:k], form, *without.terms[k + 1 :]]
+            freed = problem.solve(terms, without.calibration, leftover=leftover, hopeless=without.cost)
+            gain = gained(without, freed, partitions, problem.evidence.criteria)
+            without = freed if gain > problem.evidence.criteria.significant_gain else without
     return without
 
 

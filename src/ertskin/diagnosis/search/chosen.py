@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from ertskin.diagnosis.contract.claims import Rival, Tried
@@ -51,6 +52,14 @@ class Selection:
         """The terms chosen, as they are fitted after the last."""
         terms = self.after.terms[len(self.after.terms) - len(self.chosen) :]
         return list(zip(terms, self.chosen, strict=True))
+
+
+def carried(stand: dict[str, Rivals], before: Sequence[Term], after: Sequence[Term]) -> None:
+    """Let terms ``after`` have the rivals that those at their places had ``before``, in whatever form: one channel's
+    crosstalk may have turned out to be that of all."""
+    for old, new in zip(before, after, strict=True):
+        if key_of(old) in stand:
+            stand.setdefault(key_of(new), stand[key_of(old)])
 
 
 def key_of(term: Term) -> str:

@@ -83,11 +83,8 @@ def _other_forms(problem: VoltageProblem, effects: Sequence[Effect]) -> tuple[Ac
         for start in type(effect).reading_starts(problem.evidence.sensor, problem.evidence.protocol):
             if start.reciprocal:
                 continue
-            each = [float(np.mean(np.abs(getattr(effect, key)))) for key in effect.several() if getattr(effect, key)]
             size = {
-                key: _rounded(
-                    abs(effect.value(key)) or max(each, default=start.effect.value(key)), effect.parameters()[key]
-                )
+                key: _rounded(effect.size(key) or start.effect.value(key), effect.parameters()[key])
                 for key in start.along
             }
             found.append(cast(AcquisitionEffect, start.effect.changed(size)).scaled_to(largest_v))

@@ -18,13 +18,13 @@ from ertskin.diagnosis.linear.calibration_vector import WIDEST_RATIO, Calibratio
 from ertskin.diagnosis.search.backward import backward, with_fields_by_place, with_lag
 from ertskin.diagnosis.search.behind_fields import behind_field, smooth_fields_of
 from ertskin.diagnosis.search.candidates import screen
-from ertskin.diagnosis.search.chosen import Chosen, Rivals, Selection, key_of
+from ertskin.diagnosis.search.chosen import Chosen, Rivals, Selection, carried, key_of
 from ertskin.diagnosis.search.contact_paths import as_good_at_rest, without_paths
 from ertskin.diagnosis.search.entering import first_to_hold, likely, of_few_numbers, promises, short_of
 from ertskin.diagnosis.search.exchange import exchanged, gain_of_exchange
 from ertskin.diagnosis.search.form_error import form_error
 from ertskin.diagnosis.search.pressed_places import told_by_place
-from ertskin.diagnosis.search.settling import refined, spread, where_it_settles
+from ertskin.diagnosis.search.settling import Freeing, freed_forms, refined, spread, where_it_settles
 from ertskin.diagnosis.search.trials import Trial, is_worth_a_name, rms_of, trials_of, worth_a_name
 from ertskin.diagnosis.specimen.agreement import remembers_alike
 from ertskin.physics.conduction.mesh import MeshError
@@ -93,7 +93,7 @@ def selected_again(
     # What forms they take has been chosen on presses enough to tell.
     incumbent = refined(build, incumbent, partitions, spread)
     if len(kept) < len(found.terms):
-        incumbent = search.told_by_place(incumbent) or incumbent
+        incumbent = search.told_by_place(incumbent, spread) or incumbent
     return search.completed(before, *search.pruned(incumbent), selection.specimen)
 
 
@@ -202,12 +202,12 @@ class _Search:
         least = worth_a_name(problem, current)
         settle = partial(_gone_elsewhere, self.build, problem)
         lists = trials_of(problem, current, found, self.partitions, left, settle)
-        trials, entered = self._first_to_enter(incumbent, lists, wanted)
-        if entered is None and trials and not _holds_likely(trials, wanted, problem.evidence.criteria):
+        trials, last, entered = self._first_to_enter(incumbent, lists, wanted)
+        if entered is None and trials and not _holds_likely(last or trials, wanted, problem.evidence.criteria):
             self.tried += [_as_tried(trial, False) for trial in trials]
             return None
         if entered is not None:
-            entered = of_few_numbers(self.build, incumbent, entered, trials, self.partitions)
+            entered = of_few_numbers(self.build, incumbent, entered, last, self.partitions)
         self.tried += [_as_tried(t, entered is not None and t.term == entered[0].term) for t in trials]
         if left >= least:
             named = entered is not None and entered[0].term.name not in {t.name for t in current.terms}
@@ -215,16 +215,22 @@ class _Search:
         if entered is None:
             return self._in_anothers_place(incumbent, trials) or self.told_by_place(incumbent)
         trial, proposed = entered
-        self.stand[key_of(trial.term)] = short_of(trial, trials)
-        return refined(self.build, _reconsidered(self.build, proposed), self.partitions)
+        self.stand[key_of(trial.term)] = short_of(trial, last)
+        return self._refined(_reconsidered(self.build, proposed))
+
+    def _refined(self, fit: CheckedFit, free: Freeing = freed_forms) -> CheckedFit:
+        """The fit with more of it free; terms keep their rivals."""
+        found = refined(self.build, fit, self.partitions, free)
+        carried(self.stand, fit.solved.terms, found.solved.terms)
+        return found
 
     def _first_to_enter(
         self, incumbent: CheckedFit, lists: Iterable[list[Trial]], wanted: Callable[[Trial], bool] | None
-    ) -> tuple[list[Trial], tuple[Trial, CheckedFit] | None]:
-        """The trials of the ``lists``, up to where one enters or none of the likely ones is ``wanted``, and the first
-        of them worth a name that holds where it settles."""
+    ) -> tuple[list[Trial], list[Trial], tuple[Trial, CheckedFit] | None]:
+        """The trials of the ``lists``, up to where one enters or none of the likely ones is ``wanted``, those of the
+        last list, and the first of them worth a name that holds where it settles."""
         worth = partial(is_worth_a_name, incumbent.problem, incumbent.solved)
-        trials = list[Trial]()
+        trials, fitted = list[Trial](), list[Trial]()
         for fitted in lists:
             trials += fitted
             worthy = [trial for trial in fitted if worth(trial.term, trial.gain)]
@@ -232,8 +238,8 @@ class _Search:
                 break
             entered = first_to_hold(self.build, incumbent, worthy, self.partitions)
             if entered is not None:
-                return trials, entered
-        return trials, None
+                return trials, fitted, entered
+        return trials, fitted, None
 
     def _in_anothers_place(self, incumbent: CheckedFit, trials: Sequence[Trial]) -> CheckedFit | None:
         """With a trial's term in the place of one that it may be taken for, where that is likelier; None where none is.
@@ -249,14 +255,14 @@ class _Search:
         self.stand[key_of(entered)] = (Rival(left.effect, gain),)
         return _reconsidered(self.build, proposed)
 
-    def told_by_place(self, incumbent: CheckedFit) -> CheckedFit | None:
+    def told_by_place(self, incumbent: CheckedFit, free: Freeing = freed_forms) -> CheckedFit | None:
         """With a field told place by place, where nothing else explains most of what is missing."""
         found = told_by_place(self.build, incumbent)
         if found is None:
             return None
         proposed, gain = found
         self.tried.append(Tried(tuple(term.name for term in proposed.solved.terms), gain, True))
-        return refined(self.build, proposed, self.partitions)
+        return self._refined(proposed, free)
 
     def fields_reconsidered(
         self, chosen: tuple[Chosen, ...], incumbent: CheckedFit
@@ -312,7 +318,7 @@ class _Search:
         proposed = where_it_settles(self.build, problem, begun)
         if proposed is None:
             return None
-        return self._without_drifts(self._where_readings_remember(refined(self.build, proposed, self.partitions)))
+        return self._without_drifts(self._where_readings_remember(self._refined(proposed)))
 
     def _apart(self) -> _Search:
         """Another search that begins with this one and leaves it as it is."""

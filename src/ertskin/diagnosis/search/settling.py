@@ -18,6 +18,8 @@ from ertskin.physics.conduction.mesh import MeshError
 
 REFINED = 4
 """How many times forms are freed and the fit settled."""
+Freeing = Callable[[CheckedFit, Sequence[Sequence[int]]], Solved]
+"""What makes a fit with more of it free, by partitions of its cells; the fit itself where that predicts no better."""
 HOPELESS = 3.0
 """Times the half chi-square at hand above which a freer form, begun, is given up: creep in powers on
 ``known_piezo_creep`` is after four steps at 1.1 times and comes to 0.998, as a factor at 9.9 and comes to 9.4."""
@@ -63,7 +65,7 @@ def refined(
     build: Problem,
     incumbent: CheckedFit,
     partitions: Sequence[Sequence[int]],
-    free: Callable[[CheckedFit, Sequence[Sequence[int]]], Solved] = freed_forms,
+    free: Freeing = freed_forms,
 ) -> CheckedFit:
     """The fit with more of it free, where that predicts better.
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -68,11 +70,14 @@ def test_a_thread_pulls_its_neighbours_along(sheet: Sensor) -> None:
 def test_a_thread_pulls_the_nearest_pads_whatever_their_numbers(sheet: Sensor) -> None:
     place_m = 1e-2 * np.array([[0, 0], [3, 0], [0, 3], [1, 0], [3, 3], [0, 1.5], [2, 2], [3, 1]])
     pads = Sensor(sheet.outline_m, 1e3, 20.0, place_m, np.full((ELECTRODES, 2), 2e-3))
+    first, *_ = ElectrodeDisplacement.reading_starts(pads, PROTOCOL)
     for side, expected in ((0, [1, 0, 0, 0.5, 0, 0.5, 0, 0]), (1, [1, 0, 0, 0, 0, 0.5, 0, 0])):
-        moved = ElectrodeDisplacement(0, dy_m=1e-3, pulled=0.5, side=side).geometry(pads)
-        shift_m = moved.electrode_center_m - place_m
+        effect = replace(first.effect, dy_m=1e-3, pulled=0.5, side=side)
+        shift_m = effect.geometry(pads).electrode_center_m - place_m
         assert shift_m[:, 1] == pytest.approx(1e-3 * np.array(expected))
         assert not shift_m[:, 0].any()
+    with pytest.raises(ValueError, match="next_to: 1 electrodes"):
+        ElectrodeDisplacement(0, next_to=(1,))
 
 
 def test_it_states_where_the_middle_went(sheet: Sensor) -> None:

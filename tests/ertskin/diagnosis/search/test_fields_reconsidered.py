@@ -147,7 +147,7 @@ def with_what_is_hidden(
 
     monkeypatch.setattr(selection, "behind_field", lambda problem, solved, number: list(behind))
     monkeypatch.setattr(selection, "where_it_settles", lambda build, problem, solved: fit_of(*solved.terms))
-    monkeypatch.setattr(selection, "refined", lambda build, fit, partitions: fit)
+    monkeypatch.setattr(selection, "refined", lambda build, fit, partitions, free: fit)
     monkeypatch.setattr(selection, "gain_of_exchange", lambda present, proposed: gain)
     monkeypatch.setattr(selection, "promises", lambda incumbent, proposed, field, partitions: promises)
     monkeypatch.setattr(selection._Search, "one_more", lambda search, without, wanted: None)
