@@ -42,3 +42,13 @@ def test_what_is_measured_counts_by_recordings_unless_a_rule_lowered_it() -> Non
     hidden = {"name": "adc_saturation", "listed": True, "details": {}}
     truth = {"kind": "single", "effects": [hidden]}
     assert measured([Judged("c001", truth, {"verdict": "explained", "effects": [limit]})]) == (1, 0)
+
+
+def test_a_recording_of_which_some_contacts_were_wrong_is_not_right() -> None:
+    claims = [
+        {"name": "contact_drift", "confidence": 0.95, "parameters": {"electrode": {"value": number}}}
+        for number in (1, 2)
+    ]
+    hidden = {"name": "contact_drift", "listed": True, "details": {"electrodes": [1]}}
+    truth = {"kind": "single", "effects": [hidden]}
+    assert measured([Judged("c001", truth, {"verdict": "explained", "effects": claims})]) == (0, 1)

@@ -3,7 +3,7 @@
 RESULTS are folders of opened samples. Of every rule among a claim's ``reasons`` that took something from its
 confidence: how many such claims were right and how many wrong, and in how many recordings, for fields, contacts that
 wander and others. Then, of what is measured rather than weighed (limits of a converter, contacts that move) and that no
-rule lowered: in how many recordings it was right and wrong, which ``measured_confidence`` is set by.
+rule lowered: in how many recordings all of it was right, in how many not, which ``measured_confidence`` is set by.
 """
 
 from __future__ import annotations
@@ -31,13 +31,14 @@ def lowered(cases: list[Judged]) -> dict[tuple[str, str], dict[bool, list[int]]]
 
 
 def measured(cases: list[Judged]) -> tuple[int, int]:
-    """In how many cases limits of a converter and contacts that move, lowered by no rule, were right and wrong."""
+    """In how many cases limits of a converter and contacts that move, lowered by no rule, were all right, in how many
+    not."""
     found = {True: 0, False: 0}
     for case in cases:
         for is_kind in (_is_limit, _has_moved):
             mine = [claim for claim in case.claims if is_kind(claim) and not _is_lowered(claim)]
             if mine:
-                found[any(case.is_right(claim) for claim in mine)] += 1
+                found[all(case.is_right(claim) for claim in mine)] += 1
     return found[True], found[False]
 
 
@@ -63,7 +64,7 @@ def main() -> int:
         right, wrong = (f"{len(by_right[is_right])} ({len(set(by_right[is_right]))})" for is_right in (True, False))
         print(f"| `{rule}` | {kind} | {right} | {wrong} |")
     right_count, wrong_count = measured(cases)
-    print(f"\nmeasured, lowered by no rule: {right_count} right, {wrong_count} wrong")
+    print(f"\nrecordings of what is measured, lowered by no rule: {right_count} all right, {wrong_count} not")
     return 0
 
 
