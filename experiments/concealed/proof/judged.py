@@ -63,11 +63,16 @@ class Judged:
 
     @property
     def claims(self) -> list[dict[str, Any]]:
-        """Effects named, the surest first; of fields judged where they are known by their names' confidence."""
-        said = self.diagnosis.get("effects") or []
-        if self.where_known:
-            said = [{**one, "confidence": one.get("name_confidence", one["confidence"])} for one in said]
+        """Effects named, the surest first."""
+        said = [{**one, "confidence": self._confidence(one)} for one in self.diagnosis.get("effects") or []]
         return sorted(said, key=lambda one: -float(one["confidence"]))
+
+    def _confidence(self, claim: dict[str, Any]) -> float:
+        """That of a map which is right everywhere, or where it is known. Diagnoses that don't state both state that of
+        the former, and that of the name."""
+        if "confidence_everywhere" in claim:
+            return float(claim["confidence" if self.where_known else "confidence_everywhere"])
+        return float(claim.get("name_confidence", claim["confidence"]) if self.where_known else claim["confidence"])
 
     @property
     def likely(self) -> list[dict[str, Any]]:
@@ -107,7 +112,8 @@ class Judged:
         wanted, true = np.array(self.truth["point_m"]), np.array(hidden["details"]["map"])
         known = self._known_points(said)
         found, true = (_values_at(said, wanted), true) if known is None else (known[1], true[known[0]])
-        return 0.0 if np.ptp(found) == 0.0 else float(np.corrcoef(found, true)[0, 1])
+        even = np.ptp(found) == 0.0 or np.ptp(true) == 0.0
+        return 0.0 if even else float(np.corrcoef(found, true)[0, 1])
 
     def _known_points(self, said: dict[str, Any]) -> tuple[Numbers, Values] | None:
         """Sensing points (k,) that a map says it knows, and its values (k,) there; None where it isn't judged so."""

@@ -2,14 +2,15 @@
 
 Every SAMPLE is a folder of results that ``score.py`` can judge; its seals are checked first. Each was diagnosed by the
 code of its own day: together they say how often an answer was right when it was given, not how good the last code is.
-The last table says which effects they found. Writes DIR/track_record.md and DIR/track_record.png, stated confidence
-against how often it was right.
+The last of them, as many as a whole suite has cases, come nearer to that. The last table says which effects all found.
+Writes DIR/track_record.md and DIR/track_record.png, stated confidence against how often it was right.
 """
 
 from __future__ import annotations
 
 import argparse
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 
 import seals
@@ -31,6 +32,8 @@ COLUMNS = {
     "names nothing though something is hidden": "nothing named",
 }
 """Rows of the score that are columns, and their heads."""
+ENOUGH = 300
+"""Cases that the last samples have at least, about as many as a suite."""
 
 
 def line(name: str, cases: list[Judged]) -> str:
@@ -41,15 +44,29 @@ def line(name: str, cases: list[Judged]) -> str:
     return f"| {' | '.join((name, *shares, 'no claim' if error is None else f'{error:.3f}'))} |"
 
 
-def together(cases: list[Judged]) -> list[str]:
-    """Every row over all cases, with its interval."""
-    kept: list[Row] = [row for row in rows(cases, FormClasses({})) if row.label in COLUMNS]
-    lines = [f"| {row.label} | {row.goal} | {row.total} |" for row in kept]
-    return ["| | wanted | together |", "| --- | --- | --- |", *lines, _calibration_line(cases)]
+def last_of(by_sample: Mapping[str, list[Judged]]) -> list[str]:
+    """The last samples that have ``ENOUGH`` cases together, or all."""
+    found, count = list[str](), 0
+    for name in reversed(by_sample):
+        if count >= ENOUGH:
+            break
+        found.insert(0, name)
+        count += len(by_sample[name])
+    return found
 
 
-def _calibration_line(cases: list[Judged]) -> str:
-    return f"| of names at p, p right (expected calibration error) | 0.03 | {Calibration.of(cases) or 'no claim'} |"
+def together(by_head: Mapping[str, list[Judged]]) -> list[str]:
+    """Every row over the cases of each head, with its interval."""
+    kept: list[list[Row]] = [
+        [row for row in rows(cases, FormClasses({})) if row.label in COLUMNS] for cases in by_head.values()
+    ]
+    lines = [
+        f"| {alike[0].label} | {alike[0].goal} | {' | '.join(str(row.total) for row in alike)} |"
+        for alike in zip(*kept, strict=True)
+    ]
+    errors = " | ".join(str(Calibration.of(cases) or "no claim") for cases in by_head.values())
+    lines.append(f"| of names at p, p right (expected calibration error) | 0.03 | {errors} |")
+    return [f"| | wanted | {' | '.join(by_head)} |", "|" + " --- |" * (2 + len(by_head)), *lines]
 
 
 def main() -> int:
@@ -66,7 +83,10 @@ def main() -> int:
     heads = " | ".join(("sample", *COLUMNS.values(), "calibration error"))
     lines = [f"# {len(by_sample)} samples, {len(every)} cases, all seals hold", "", f"| {heads} |"]
     lines += ["|" + " --- |" * (len(COLUMNS) + 2), *(line(name, cases) for name, cases in by_sample.items()), ""]
-    lines += [*together(every), "", *by_effect(every)]
+    last = last_of(by_sample)
+    recent = [case for name in last for case in by_sample[name]]
+    by_head = {"together": every, f"the last {len(last)} ({len(recent)} cases)": recent}
+    lines += [*together(by_head), "", *by_effect(every)]
     options.out.mkdir(parents=True, exist_ok=True)
     (options.out / "track_record.md").write_text("\n".join(lines) + "\n")
     draw({METHOD: {"reliability": reliability(every)}}, options.out / "track_record.png")

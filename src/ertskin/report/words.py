@@ -29,10 +29,12 @@ def chance_in_words(chance: float) -> str:
     return f"{chance:.2g}" if chance > 0 else "< 1e-300"
 
 
-def confidence_in_words(named: float, both: float) -> str:
-    """How sure a name is and, where that is another number, how sure name and map are."""
-    first, second = f"{named:.2f}", f"{both:.2f}"
-    return first if first == second else f"{first}, with its map {second}"
+def confidence_in_words(named: float, both: float, everywhere: float) -> str:
+    """How sure a name is and, where these are other numbers, how sure name and map are where the map is determined, and
+    over the whole sheet."""
+    first, second, third = f"{named:.2f}", f"{both:.2f}", f"{everywhere:.2f}"
+    with_map = first if first == second == third else f"{first}, with its map {second}"
+    return with_map if second == third else f"{with_map} ({third} over the whole sheet)"
 
 
 def interval(value: float, low: float, high: float, unit: str) -> str:

@@ -42,8 +42,8 @@ class FieldMap:
 
     Of its smooth part, where there is one, the standard ``error`` (n,) and where the recording has
     ``determined`` it (n,). ``taxels``: the same at the sensing points, for a map of points between
-    them; it is the one that bears ``right``, how likely it follows the true field over all its points (correlation of
-    0.8).
+    them; it is the one that bears ``right``, how likely it follows the true field (correlation of 0.8) over the points
+    where it is determined, and ``right_everywhere``, over all of them. Where too few are determined the two are one.
     """
 
     point_m: NDArray[np.float64]
@@ -51,6 +51,7 @@ class FieldMap:
     error: NDArray[np.float64] | None = None
     determined: NDArray[np.bool_] | None = None
     right: float | None = None
+    right_everywhere: float | None = None
     taxels: FieldMap | None = None
 
     def as_builtins(self) -> dict[str, Any]:
@@ -63,8 +64,9 @@ class FieldMap:
             found["error"] = np.round(self.error, 5).tolist()
         if self.determined is not None:
             found["determined"] = self.determined.tolist()
-        if self.right is not None:
-            found["right"] = round(self.right, 3)
+        for key, right in (("right", self.right), ("right_everywhere", self.right_everywhere)):
+            if right is not None:
+                found[key] = round(right, 3)
         return found if self.taxels is None else found | {"taxels": self.taxels.as_builtins()}
 
 
@@ -137,15 +139,29 @@ class Claim:
 
     @property
     def right_map(self) -> float | None:
-        """How likely its map follows the true field over the sensing points; None of what has none, or of a field of
-        few numbers, whose name stands for its map."""
-        field_map = self.field_map
-        return None if field_map is None else (field_map.taxels or field_map).right
+        """How likely its map follows the true field over the sensing points where it is determined; None of what has
+        none, or of a field of few numbers, whose name stands for its map."""
+        return None if self._map_of_taxels is None else self._map_of_taxels.right
+
+    @property
+    def right_map_everywhere(self) -> float | None:
+        """The same over all sensing points."""
+        return None if self._map_of_taxels is None else self._map_of_taxels.right_everywhere
+
+    @property
+    def _map_of_taxels(self) -> FieldMap | None:
+        return None if self.field_map is None else (self.field_map.taxels or self.field_map)
 
     @property
     def right(self) -> float:
-        """How likely name and place are right: of a field, its map as well."""
+        """How likely name and place are right: of a field its map as well, where it is determined."""
         return self.confidence if self.right_map is None else self.confidence * self.right_map
+
+    @property
+    def right_everywhere(self) -> float:
+        """The same of a field whose map is to be right over the whole sheet."""
+        everywhere = self.right_map_everywhere
+        return self.confidence if everywhere is None else self.confidence * everywhere
 
     @property
     def in_readings(self) -> bool:
@@ -172,16 +188,17 @@ class Claim:
     def _reason_of_map(self) -> tuple[Reason, ...]:
         if self.right_map is None or round(self.right, 3) == round(self.confidence, 3):
             return ()
-        why = f"its map follows the true field over the whole sheet with a probability of {self.right_map:.2f}"
+        why = f"its map follows the true field where it is determined with a probability of {self.right_map:.2f}"
         return (Reason("map_known", self.confidence, self.right, why),)
 
     def as_builtins(self) -> dict[str, Any]:
-        """As ``diagnosis.json`` wants it: ``confidence`` is ``right``, that of name and place, and ``name_confidence``
-        that of the name."""
+        """As ``diagnosis.json`` wants it: ``confidence`` is ``right``, that of name and place, ``name_confidence``
+        that of the name, ``confidence_everywhere`` that of a map which is right over the whole sheet."""
         return {
             "name": self.effect.name,
             "confidence": round(self.right, 3),
             "name_confidence": round(self.named, 3),
+            "confidence_everywhere": round(self.right_everywhere, 3),
             "ratio_alone": round(self.ratio_alone, 4),
             "parameters": {key: e.as_builtins() for key, e in self.parameters.items()}
             | {

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,11 +11,10 @@ from numpy.typing import NDArray
 from ertskin.diagnosis.contract.claims import FieldMap
 from ertskin.diagnosis.fit.solved import Solved
 from ertskin.diagnosis.judge.map_probability import (
+    FieldPosterior,
     Places,
     errors_among,
     right_among,
-    right_as_fitted,
-    right_by_places,
     tell,
     told_by,
 )
@@ -56,8 +56,8 @@ def _as_fitted(field: FieldMap, name: str, solved: Solved, extent_m: Array) -> F
     known = known_at(solved, extent_m, field.point_m).get(name)
     if known is None:
         return replace(field, taxels=taxels)
-    right = right_as_fitted(field.value, known.covariance) if taxels is None else None
-    return replace(field, error=known.error, determined=known.determined, right=right, taxels=taxels)
+    found = replace(field, error=known.error, determined=known.determined, taxels=taxels)
+    return _judged(found, [FieldPosterior(0.0, field.value, known.covariance)])
 
 
 def smooth_part(effect: Effect, selection: Selection) -> SmoothPart | None:
@@ -91,10 +91,10 @@ class SmoothPart:
         form = field.value - field_at(self.nodes, field.point_m, self.extent_m)
         side_m = float(np.ptp(self.extent_m, axis=0).max())
         posteriors = [replace(one, mean=form + one.mean) for one in told_by(self.places, field.point_m, side_m)]
-        right = right_among(field.value, posteriors) if taxels is None else None
         error = errors_among(field.value, posteriors)
         determined = error < MOST_LEFT * float(np.std(self.places.value))
-        return replace(field, error=error, determined=determined, right=right, taxels=taxels)
+        found = replace(field, error=error, determined=determined, taxels=taxels)
+        return _judged(found, posteriors)
 
 
 def where_pressed(field: FieldMap, places: Places, side_m: float) -> FieldMap:
@@ -103,5 +103,14 @@ def where_pressed(field: FieldMap, places: Places, side_m: float) -> FieldMap:
     taxels = None if field.taxels is None else where_pressed(field.taxels, places, side_m)
     apart_m = np.linalg.norm(field.point_m[:, None] - places.point_m, axis=-1).min(axis=1)
     determined = apart_m <= NEXT_TO_M
-    right = right_by_places(field.value, field.point_m, places, side_m) if taxels is None else None
-    return replace(field, error=None, determined=determined, right=right, taxels=taxels)
+    found = replace(field, error=None, determined=determined, taxels=taxels)
+    return _judged(found, told_by(places, field.point_m, side_m))
+
+
+def _judged(field: FieldMap, posteriors: Sequence[FieldPosterior]) -> FieldMap:
+    """The map with how likely it is right where the field is what one of the ``posteriors`` says; where it has a map of
+    its sensing points that one bears it."""
+    if field.taxels is not None or field.determined is None:
+        return field
+    right = right_among(field.value, posteriors, field.determined)
+    return replace(field, right=right.determined, right_everywhere=right.everywhere)

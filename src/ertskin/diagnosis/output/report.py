@@ -12,10 +12,10 @@ from ertskin.diagnosis.contract.claims import Claim, Diagnosis, gathered
 from ertskin.diagnosis.judge.axis_tests import AxisTest
 from ertskin.diagnosis.judge.result import Findings
 from ertskin.diagnosis.output.figures import Drawn
-from ertskin.diagnosis.output.summary import in_words
+from ertskin.diagnosis.output.summary import how_sure, in_words
 from ertskin.report.figures.image import data_uri
 from ertskin.report.page import Page, Picture, Row, Section, Table, write_page
-from ertskin.report.words import chance_in_words, confidence_in_words, force_in_words, interval, words_of
+from ertskin.report.words import chance_in_words, force_in_words, interval, words_of
 
 MEANING = {
     "no_mismatch": "The simulator explains the recording to within the noise: nothing is missing.",
@@ -77,7 +77,7 @@ def _missing(claims: tuple[Claim, ...]) -> Section:
             Row(
                 (
                     (words_of(name), claim.effect.stage),
-                    (confidence_in_words(claim.named, claim.right), ""),
+                    (how_sure(claim), ""),
                     (f"{claim.ratio_alone:.3g}", ""),
                     ("", values),
                     ("", rivals),

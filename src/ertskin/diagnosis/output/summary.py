@@ -4,10 +4,15 @@ from __future__ import annotations
 
 from rich.console import Console
 
-from ertskin.diagnosis.contract.claims import Diagnosis, gathered
+from ertskin.diagnosis.contract.claims import Claim, Diagnosis, gathered
 from ertskin.diagnosis.judge.repeatability import Repeatability
 from ertskin.report.words import confidence_in_words, force_in_words
 from ertskin.terminal_table import Column, Row, print_table
+
+
+def how_sure(claim: Claim) -> str:
+    """How sure a claim is, in words."""
+    return confidence_in_words(claim.named, claim.right, claim.right_everywhere)
 
 
 def print_summary(console: Console, diagnosis: Diagnosis) -> None:
@@ -34,7 +39,7 @@ def print_summary(console: Console, diagnosis: Diagnosis) -> None:
         words = "\n".join(
             f"{k} {e.value:.4g} [{e.low:.4g}, {e.high:.4g}]{of_unit(e.unit)}" for k, e in claim.shown.items()
         )
-        rows.append(Row((name, confidence_in_words(claim.named, claim.right), f"{claim.ratio_alone:.3g}", words)))
+        rows.append(Row((name, how_sure(claim), f"{claim.ratio_alone:.3g}", words)))
     heads = Column("effect", words=True), Column("confidence"), Column("misfit\nit makes")
     print_table(console, (*heads, Column("parameters (90 %)", words=True)), rows)
 

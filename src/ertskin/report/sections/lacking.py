@@ -64,8 +64,9 @@ def _explained(effect: dict[str, Any]) -> str:
 
 
 def _how_sure(effect: dict[str, Any]) -> str:
-    """How sure name and map are; a diagnosis of before has but one number."""
-    return confidence_in_words(effect.get("name_confidence", effect["confidence"]), effect["confidence"])
+    """How sure name and map are; a diagnosis of before has fewer numbers."""
+    both = effect["confidence"]
+    return confidence_in_words(effect.get("name_confidence", both), both, effect.get("confidence_everywhere", both))
 
 
 def _named(effects: list[dict[str, Any]]) -> Table:

@@ -51,8 +51,9 @@ def test_what_has_no_order_is_unknown_where_nothing_has_pressed() -> None:
     value = 0.3 * np.random.default_rng(1).standard_normal(len(SENSOR.taxel_m))
     pressed = np.arange(len(value)) % 3 == 0
     found = told(PiezoInhomogeneity(nodes=through(value)), pressed)
-    assert found.right is not None
-    assert found.right < 0.1
+    assert found.right_everywhere is not None
+    assert found.right_everywhere < 0.1
+    assert found.right == 1.0
     assert found.error is not None
     assert found.determined is not None
     assert found.error[pressed] == pytest.approx(0.0, abs=0.01)
@@ -64,15 +65,16 @@ def test_what_has_no_order_is_unknown_where_nothing_has_pressed() -> None:
 def test_what_is_broad_is_known_from_few_places() -> None:
     x, y = ((SENSOR.taxel_m - SENSOR.extent_m.mean(axis=0)) / np.ptp(SENSOR.extent_m, axis=0)).T
     found = told(PiezoInhomogeneity(nodes=through(0.3 * np.cos(2 * x) * y)), np.arange(len(x)) % 2 == 0)
-    assert found.right is not None
-    assert found.right > 0.9
+    assert found.right_everywhere is not None
+    assert found.right_everywhere > 0.9
 
 
 def test_a_form_of_few_numbers_holds_where_nothing_has_pressed() -> None:
     nodes = through(0.01 * np.random.default_rng(1).standard_normal(len(SENSOR.taxel_m)))
     pressed = np.arange(len(SENSOR.taxel_m)) % 3 == 0
     spot = PiezoInhomogeneity(amplitude=0.8, x_m=0.04, y_m=0.06, radius_m=0.02, nodes=nodes)
-    with_spot, alone = told(spot, pressed).right, told(PiezoInhomogeneity(nodes=nodes), pressed).right
+    alone = told(PiezoInhomogeneity(nodes=nodes), pressed).right_everywhere
+    with_spot = told(spot, pressed).right_everywhere
     assert with_spot is not None
     assert alone is not None
     assert with_spot > 0.99
@@ -107,7 +109,8 @@ def test_what_presses_alone_show_is_not_as_sure_as_fitted(
     assert field is not None
     found = known_map.known_map(field, effect, selection).taxels
     assert found is not None
-    assert found.right == pytest.approx(1.0 if everywhere else 0.05, abs=0.05)
+    assert found.right == 1.0
+    assert found.right_everywhere == pytest.approx(1.0 if everywhere else 0.05, abs=0.05)
 
 
 def test_of_two_places_a_field_is_as_sure_as_fitted(monkeypatch: pytest.MonkeyPatch) -> None:

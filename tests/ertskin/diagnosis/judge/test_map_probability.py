@@ -9,12 +9,12 @@ from scipy.spatial.distance import cdist
 from scipy.stats import nct
 
 from ertskin.diagnosis.judge.map_probability import (
+    FEWEST_DETERMINED,
     FOLLOWS,
+    FieldPosterior,
     Places,
     errors_among,
     right_among,
-    right_as_fitted,
-    right_by_places,
     told_by,
 )
 from ertskin.diagnosis.judge.undetermined_field import _inflated
@@ -23,6 +23,11 @@ from ertskin.diagnosis.search.smooth_fields import LENGTHS
 FIELD = np.random.default_rng(3).standard_normal(40)
 SIDE_M = 0.12
 POINT_M = SIDE_M / 6 * (0.5 + np.stack(np.meshgrid(range(6), range(6)), axis=-1).reshape(-1, 2))
+
+
+def right_as_fitted(found: NDArray[np.float64], covariance: NDArray[np.float64]) -> float | None:
+    """How likely a map is right over all its points, of which a fit leaves this covariance."""
+    return right_among(found, [FieldPosterior(0.0, found, covariance)], np.ones(len(found), bool)).everywhere
 
 
 def test_it_is_the_share_of_fields_that_the_map_follows() -> None:
@@ -62,7 +67,7 @@ def drawn(length_m: float, count: int, seed: int = 0) -> NDArray[np.float64]:
 def told(found: NDArray[np.float64], field: NDArray[np.float64], known: NDArray[np.bool_], error: float = 0.0) -> float:
     """The probability of a map where a field is known at some of the points."""
     places = Places(POINT_M[known], field[known], np.full(known.sum(), error))
-    right = right_by_places(found, POINT_M, places, SIDE_M)
+    right = right_among(found, told_by(places, POINT_M, SIDE_M), known).everywhere
     assert right is not None
     return right
 
@@ -115,7 +120,7 @@ def test_few_places_say_how_much_they_leave_open(count: int) -> None:
             weight = np.exp([one.log_weight for one in posteriors])
             found = np.tensordot(weight / weight.sum(), [one.mean for one in posteriors], 1)
             off.append(np.abs((found - field) / errors_among(found, posteriors))[~known])
-            stated.append(right_among(found, posteriors))
+            stated.append(right_among(found, posteriors, known).everywhere)
             right.append(np.corrcoef(found, field)[0, 1] >= FOLLOWS)
     assert float(np.mean(np.concatenate(off) < 1.645)) == pytest.approx(0.9, abs=0.04)
     assert np.mean(np.array(stated, dtype=float)) == pytest.approx(np.mean(right), abs=0.1)
@@ -130,7 +135,49 @@ def test_places_that_err_tell_no_more_than_they_know() -> None:
 
 def test_of_too_few_points_nothing_is_said() -> None:
     assert right_as_fitted(FIELD[:2], np.eye(2)) is None
-    assert right_by_places(FIELD[:2], POINT_M[:2], Places(POINT_M, FIELD[:36], np.zeros(36)), SIDE_M) is None
+    posteriors = told_by(Places(POINT_M, FIELD[:36], np.zeros(36)), POINT_M[:2], SIDE_M)
+    assert right_among(FIELD[:2], posteriors, np.ones(2, bool)).determined is None
+
+
+@pytest.mark.parametrize("error", [0.6, 0.9])
+def test_where_it_is_determined_it_is_as_sure_as_a_map_of_those_points(error: float) -> None:
+    determined = np.arange(len(FIELD)) % 2 == 0
+    covariance = np.diag(np.where(determined, error, 3.0) ** 2)
+    found = right_among(FIELD, [FieldPosterior(0.0, FIELD, covariance)], determined)
+    assert found.everywhere == right_as_fitted(FIELD, covariance)
+    assert found.everywhere is not None
+    assert found.everywhere < 0.05
+    assert found.determined == pytest.approx(
+        right_as_fitted(FIELD[determined], covariance[np.ix_(determined, determined)]), abs=0.02
+    )
+
+
+def test_too_few_points_are_no_map_of_their_own() -> None:
+    covariance = np.diag(np.where(np.arange(40) < FEWEST_DETERMINED, 1e-3, 1.0) ** 2)
+    posteriors = [FieldPosterior(0.0, FIELD, covariance)]
+    few, enough = (
+        right_among(FIELD, posteriors, np.arange(40) < count) for count in (FEWEST_DETERMINED - 1, FEWEST_DETERMINED)
+    )
+    assert few.determined == few.everywhere == enough.everywhere
+    assert enough.determined == 1.0
+
+
+def test_places_that_err_say_no_more_often_than_they_should_that_a_map_is_right_there() -> None:
+    right, stated, rng = [], [], np.random.default_rng(7)
+    for share in (0.4, 0.6, 0.8):
+        for field in drawn(0.1 * SIDE_M, 60, seed=8):
+            known, error = np.isin(np.arange(36), rng.permutation(36)[:12]), share * float(field.std())
+            places = Places(
+                POINT_M[known], field[known] + error * rng.standard_normal(known.sum()), np.full(known.sum(), error)
+            )
+            found = places.value[cdist(POINT_M, places.point_m).argmin(axis=1)]
+            stated.append(right_among(found, told_by(places, POINT_M, SIDE_M), known).determined)
+            right.append(np.corrcoef(found[known], field[known])[0, 1] >= FOLLOWS)
+    sure, follows = np.array(stated, dtype=float), np.array(right)
+    assert 0.3 < follows.mean() < 0.8
+    # How far a field spreads is as unsure as its values: somewhat too careful.
+    assert follows.mean() - 0.15 < sure.mean() < follows.mean() + 0.03
+    assert follows[sure > 0.8].mean() > 0.8
 
 
 def test_the_same_map_has_the_same_probability() -> None:

@@ -20,6 +20,8 @@ from ertskin.diagnosis.judge.quantities import (
     standard_of,
     stated,
 )
+from ertskin.diagnosis.output.summary import how_sure
+from ertskin.diagnosis.search.smooth_fields import node_shape
 from ertskin.hardware.virtual.bench.nominal import nominal_sensor
 from ertskin.physics.effects.adc_saturation import AdcSaturation
 from ertskin.physics.effects.contact_drift import ContactDrift
@@ -30,7 +32,6 @@ from ertskin.physics.effects.sheet_anisotropy import SheetAnisotropy
 from ertskin.physics.effects.standard import Standard
 from ertskin.physics.history import History
 from ertskin.physics.protocol import Protocol, electrode_pairs
-from ertskin.report.words import confidence_in_words
 
 SENSOR = nominal_sensor()
 STANDARD = Standard(lambda p: 1 / (1 + p / 1e4), 1e5, point_m=SENSOR.taxel_m, extent_m=SENSOR.extent_m)
@@ -136,19 +137,30 @@ def test_what_places_tell_is_no_surer_than_all_presses_make_it(
     assert as_sure_as_all(foretelling, SimpleNamespace(chosen=chosen), DEFAULT) is foretelling  # type: ignore[arg-type]
 
 
-def test_a_name_told_at_few_places_is_surer_than_its_map() -> None:
-    effect = PiezoInhomogeneity(amplitude=0.5, x_m=0.04, y_m=0.06, radius_m=0.02)
+@pytest.mark.parametrize("count", [4, 9])
+def test_a_map_is_as_sure_as_the_places_that_tell_it(count: int) -> None:
+    nodes = 0.5 * np.random.default_rng(0).standard_normal(node_shape(SENSOR.extent_m))
+    effect = PiezoInhomogeneity(nodes=tuple(map(tuple, nodes.tolist())))
     field = field_map(effect, SENSOR)
     assert field is not None
+    assert field.taxels is not None
     assert Claim(effect, 0.9, 2.0, {}, field_map=field).as_builtins()["confidence"] == 0.9
-    places = Places(SENSOR.taxel_m[[0, 3, 7, 9]], np.array([0.1, -0.2, 0.3, -0.1]), np.zeros(4))
+    pressed = np.arange(len(SENSOR.taxel_m))[::3][:count]
+    places = Places(SENSOR.taxel_m[pressed], field.taxels.value[pressed], np.zeros(count))
     known = where_pressed(field, places, 0.1)
     claim = Claim(effect, 0.9, 2.0, {}, field_map=known, by_place=True)
     written = claim.as_builtins()
     assert written["name_confidence"] == 0.9
-    assert written["confidence"] < 0.1
+    assert written["confidence_everywhere"] < 0.1
+    assert written["confidence"] == pytest.approx(written["confidence_everywhere"] if count == 4 else 0.9)
     assert written["map"]["taxels"]["right"] == pytest.approx(written["confidence"] / 0.9, abs=1e-2)
-    last = written["reasons"][-1]
-    assert (last["rule"], last["before"], last["after"]) == ("map_known", 0.9, written["confidence"])
+    assert written["map"]["taxels"]["right_everywhere"] == pytest.approx(
+        written["confidence_everywhere"] / 0.9, abs=1e-2
+    )
     assert "right" not in written["map"]
-    assert confidence_in_words(claim.named, claim.right) == f"0.90, with its map {claim.right:.2f}"
+    if count == 4:
+        last = written["reasons"][-1]
+        assert (last["rule"], last["before"], last["after"]) == ("map_known", 0.9, written["confidence"])
+        assert how_sure(claim) == f"0.90, with its map {claim.right:.2f}"
+    else:
+        assert how_sure(claim) == f"0.90, with its map 0.90 ({claim.right_everywhere:.2f} over the whole sheet)"
