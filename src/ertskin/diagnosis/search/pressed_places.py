@@ -22,9 +22,9 @@ from ertskin.diagnosis.fit.terms import Modes, Term
 from ertskin.diagnosis.linear.calibration_vector import Calibration
 from ertskin.diagnosis.search.settling import where_it_settles
 from ertskin.diagnosis.search.smooth_fields import MOST_MODES, SPREADS, covariance_half, node_shape
-from ertskin.diagnosis.search.trials import unlikely, worth_a_name
+from ertskin.diagnosis.search.trials import of_presses, unlikely, worth_a_name
 from ertskin.physics.effects.effect import Effect
-from ertskin.physics.effects.hypothesis import Need, Signal
+from ertskin.physics.effects.hypothesis import Signal
 from ertskin.physics.effects.registry import effects_shown_by
 from ertskin.physics.effects.smooth_field import field_design
 
@@ -49,10 +49,10 @@ def told_by_place(build: Problem, incumbent: CheckedFit) -> tuple[CheckedFit, fl
     differ.
     """
     problem, current = incumbent.problem, incumbent.solved
-    if incumbent.misfit <= problem.evidence.criteria.mismatch_ratio or any(map(_of_presses, current.terms)):
+    if incumbent.misfit <= problem.evidence.criteria.mismatch_ratio or any(map(of_presses, current.terms)):
         return None
     for kind in effects_shown_by(Signal.READINGS):
-        if not _of_presses(Term(kind(), ())):
+        if not of_presses(Term(kind(), ())):
             continue
         proposed = _explaining_most(build, incumbent, kind)
         gain = 0.0 if proposed is None else unlikely(current) - unlikely(proposed.solved)
@@ -66,7 +66,7 @@ def fields_by_place(build: Problem, fit: CheckedFit, fixed: int) -> list[tuple[C
     None for what isn't such a field, or is none where so few numbers explain less than half of it."""
     problem, current, found = fit.problem, fit.solved, list[tuple[CheckedFit, CheckedFit] | None]()
     for number, term in list(enumerate(current.terms))[fixed:]:
-        if not _of_presses(term):
+        if not of_presses(term):
             found.append(None)
             continue
         rest = [other for k, other in enumerate(current.terms) if k != number]
@@ -85,11 +85,6 @@ def part_missed(field: CheckedFit, without: CheckedFit, partitions: Sequence[Seq
         return float(np.sqrt(max(np.exp(2 * unlikelihood / numbers.sum()) - 1.0, 0.0)))
 
     return missed(field) / max(missed(without), 1e-12)
-
-
-def _of_presses(term: Term) -> bool:
-    """Whether it is a field over the sheet that only presses show."""
-    return term.effect.hypothesis.field and Need.PRESSES in term.effect.hypothesis.needs
 
 
 def _nominal(solved: Solved) -> Calibration:

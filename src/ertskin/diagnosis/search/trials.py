@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ertskin.diagnosis.criteria import Criteria
 from ertskin.diagnosis.fit.full_solution_check import CheckedFit
 from ertskin.diagnosis.fit.joint_fit import VoltageProblem
 from ertskin.diagnosis.fit.solved import Solved
@@ -18,7 +17,7 @@ from ertskin.diagnosis.search.forms import form_of
 from ertskin.diagnosis.search.gain import freedom, gained
 from ertskin.diagnosis.search.smooth_fields import with_smooth_field
 from ertskin.physics.effects.effect import shown_by
-from ertskin.physics.effects.hypothesis import Signal
+from ertskin.physics.effects.hypothesis import Need, Signal
 
 KNOWN = 0.05
 """Share within which a term of a name that is in the fit already gains as much as one of another name."""
@@ -28,6 +27,9 @@ WORTH_TRYING = 0.15
 EXPECTED = 0.2
 """Part of what a name must gain that a candidate must be expected to gain: of 230 fits on recordings of known truth
 none of those known to be expected to gain less gained a third of it (of two what was expected wasn't kept)."""
+BARE_RATIO = 1.005
+"""Factor in a misfit too small to be a mismatch that a first name must be worth: no other name's form may be in error
+yet, and what noise and simulator make gains less."""
 SHARES = 1.0, 0.3, 0.1
 """Of a candidate's size, at which it is begun."""
 
@@ -97,17 +99,31 @@ def unforeseen(
 
 
 def worth_a_name(problem: VoltageProblem, current: Solved) -> float:
-    """Half chi-square, held out, that a term must gain: what is significant and material."""
-    criteria = problem.evidence.criteria
-    return max(criteria.significant_gain, material_cost(residual_count(problem), of_scans(current), criteria))
+    """Half chi-square, held out, that a term must gain beside the others: what is significant and material."""
+    return _worth(problem, current, first=not current.terms)
 
 
 def is_worth_a_name(problem: VoltageProblem, current: Solved, term: Term, gain: float) -> bool:
     """Whether a term gains what it must. What rest frames show by themselves needn't be material: no error in the form
-    of what presses do is there to be mended."""
+    of what presses do is there to be mended. A first name may be worth less where hardly anything is missing, but for a
+    field that presses alone show: one of a few places takes what any other cause does to these."""
+    criteria = problem.evidence.criteria
     if term.name == problem.evidence.seen_at_rest:
-        return gain >= problem.evidence.criteria.significant_gain
-    return gain >= worth_a_name(problem, current)
+        return gain >= criteria.significant_gain
+    first = all(other.name == term.name for other in current.terms) and not of_presses(term)
+    return gain >= _worth(problem, current, first)
+
+
+def _worth(problem: VoltageProblem, current: Solved, first: bool) -> float:
+    criteria = problem.evidence.criteria
+    bare = first and rms_of(current) <= criteria.mismatch_ratio
+    ratio = BARE_RATIO if bare else criteria.material_ratio
+    return max(criteria.significant_gain, material_cost(residual_count(problem), of_scans(current), ratio))
+
+
+def of_presses(term: Term) -> bool:
+    """Whether it is a field over the sheet that only presses show."""
+    return term.effect.hypothesis.field and Need.PRESSES in term.effect.hypothesis.needs
 
 
 def _worth_trying(
@@ -244,12 +260,12 @@ def _shown_at_rest(problem: VoltageProblem, current: Solved, drifting: Solved) -
     return bool(0.5 * change > problem.evidence.criteria.significant_gain)
 
 
-def material_cost(numbers: int, cost: float, criteria: Criteria) -> float:
-    """Half chi-square that a material change of the rms over the noise amounts to, of so many scans' numbers.
+def material_cost(numbers: int, cost: float, ratio: float) -> float:
+    """Half chi-square that a change of the rms over the noise by this ``ratio`` amounts to, of so many scans' numbers.
 
     ``cost``: half their chi-square; what no network explains has no part in either.
     """
-    return 0.5 * numbers * (criteria.material_ratio**2 - 1) * max(1.0, 2 * cost / numbers) ** 0.5
+    return 0.5 * numbers * (ratio**2 - 1) * max(1.0, 2 * cost / numbers) ** 0.5
 
 
 def of_scans(solved: Solved) -> float:

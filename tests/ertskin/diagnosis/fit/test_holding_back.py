@@ -322,5 +322,5 @@ def fit_of(term: Term, gain: float) -> Any:
 def test_what_is_material_of_the_scans_does_not_hang_on_what_no_network_explains() -> None:
     fit = Fit(np.zeros(1), Quadratic(np.array([9e5, 0.0]), np.zeros((2, 1)), np.zeros((2, 1, 1))), np.zeros((1, 1)), 1)
     solved = Solved(None, (), fit, np.full((100, 10), 1.2))  # type: ignore[arg-type]
-    least = trials.material_cost(1000, trials.of_scans(solved), DEFAULT)
+    least = trials.material_cost(1000, trials.of_scans(solved), DEFAULT.material_ratio)
     assert least == pytest.approx(0.5 * 1000 * (1.03**2 - 1) * 1.2)

@@ -1,16 +1,17 @@
-"""What a term must gain: much of the misfit, unless rest frames have shown its effect."""
+"""What a term must gain: much of the misfit, less where little is missing and no name's form may be in error."""
 
 from __future__ import annotations
 
 from types import SimpleNamespace
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 import pytest
 
 from ertskin.diagnosis.criteria import DEFAULT
 from ertskin.diagnosis.fit.terms import Term
-from ertskin.diagnosis.search.trials import is_worth_a_name, worth_a_name
+from ertskin.diagnosis.search.trials import BARE_RATIO, is_worth_a_name, material_cost, worth_a_name
+from ertskin.physics.effects.piezo_inhomogeneity import PiezoInhomogeneity
 from ertskin.physics.effects.self_heating import SelfHeating
 from ertskin.physics.effects.temperature_drift import TemperatureDrift
 
@@ -22,7 +23,11 @@ def problem(seen_at_rest: str | None) -> Any:
     return SimpleNamespace(evidence=scans, weight=np.ones(400))
 
 
-CURRENT = cast(Any, SimpleNamespace(scan_residual=np.ones((400, 276))))
+NUMBERS = 400 * 276
+
+
+def fit(*terms: Term, rms: float = 1.0) -> Any:
+    return SimpleNamespace(terms=terms, scan_residual=np.full((400, 276), rms))
 
 
 @pytest.mark.parametrize(
@@ -30,8 +35,29 @@ CURRENT = cast(Any, SimpleNamespace(scan_residual=np.ones((400, 276))))
 )
 def test_what_rest_frames_show_need_not_be_material(seen: str | None, term: Term, worth: bool) -> None:
     asked = problem(seen)
-    significant, material = DEFAULT.significant_gain, worth_a_name(asked, CURRENT)
+    significant, material = DEFAULT.significant_gain, worth_a_name(asked, fit())
     assert material > 10 * significant
-    assert is_worth_a_name(asked, CURRENT, term, material)
-    assert is_worth_a_name(asked, CURRENT, term, 2 * significant) is worth
-    assert not is_worth_a_name(asked, CURRENT, term, 0.5 * significant)
+    assert is_worth_a_name(asked, fit(), term, material)
+    assert is_worth_a_name(asked, fit(), term, 2 * significant) is worth
+    assert not is_worth_a_name(asked, fit(), term, 0.5 * significant)
+
+
+@pytest.mark.parametrize(
+    ("others", "rms", "entering", "ratio"),
+    [
+        ((), 1.0, HEAT, BARE_RATIO),
+        ((HEAT,), 1.0, HEAT, BARE_RATIO),
+        ((DRIFT,), 1.0, HEAT, DEFAULT.material_ratio),
+        ((DRIFT, HEAT), 1.0, HEAT, DEFAULT.material_ratio),
+        ((), 1.1, HEAT, DEFAULT.material_ratio),
+        ((), 1.0, Term(PiezoInhomogeneity(), ("amplitude",)), DEFAULT.material_ratio),
+    ],
+    ids=["first", "first, fitted", "second", "one of two", "much is missing", "a field of presses"],
+)
+def test_a_first_name_may_be_worth_less_where_little_is_missing(
+    others: tuple[Term, ...], rms: float, entering: Term, ratio: float
+) -> None:
+    current = fit(*others, rms=rms)
+    least = material_cost(NUMBERS, 0.5 * NUMBERS * rms**2, ratio)
+    assert is_worth_a_name(problem(None), current, entering, 1.01 * least)
+    assert not is_worth_a_name(problem(None), current, entering, 0.99 * least)
