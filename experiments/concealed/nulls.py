@@ -53,7 +53,7 @@ class Chance:
         clean = problem.acquisition.scans(problem.family.skin(fitted.calibration, fitted.effects))
         cost = 0.5 * float((fitted.scan_residual**2).sum())
         numbers = int((problem.weight > 0).sum()) * clean.shape[1]
-        self.least = max(DEFAULT.significant_gain, material_cost(numbers, cost, DEFAULT))
+        self.least = max(DEFAULT.significant_gain, material_cost(numbers, cost, DEFAULT.material_ratio))
         real = problem.evidence
         for seed in range(self.count):
             noise = real.noise_v * np.random.default_rng(seed).standard_normal(clean.shape)

@@ -140,6 +140,24 @@ def test_a_map_may_be_judged_at_the_sensing_points_that_it_says_it_knows() -> No
     assert right(9, where_known=False)
 
 
+def test_a_map_counts_by_how_sure_it_is_over_the_points_it_is_judged_at() -> None:
+    hidden = effect("piezo_inhomogeneity", map=[float(k) for k in range(9)])
+    both = claim("piezo_inhomogeneity", 0.7, confidence_everywhere=0.1, name_confidence=0.9)
+    of_before = claim("piezo_inhomogeneity", 0.1, name_confidence=0.9)
+    for said, everywhere, known in ((both, 0.1, 0.7), (of_before, 0.1, 0.9), (claim("crosstalk", 0.8), 0.8, 0.8)):
+        whole = case(hidden, said=[said])
+        assert whole.claims[0]["confidence"] == everywhere
+        assert replace(whole, where_known=True).claims[0]["confidence"] == known
+
+
+def test_no_map_follows_a_field_that_is_even_where_it_is_known() -> None:
+    value = [1.0, 2.0, 3.0, 4.0, 5.0, 0.0, 0.0, 0.0, 0.0]
+    told = {"point_m": POINTS, "value": value, "determined": [k < 5 for k in range(9)]}
+    said = claim("piezo_inhomogeneity", 0.9, map={"point_m": POINTS, "value": value, "taxels": told})
+    hidden = effect("piezo_inhomogeneity", map=[0.0] * 5 + [1.0, 2.0, 3.0, 4.0])
+    assert replace(case(hidden, said=[said]), where_known=True).correlation(said) == 0.0
+
+
 def test_rows_that_known_places_change_stand_below_the_table() -> None:
     field = [0.0, 0.1, 0.2, 0.3, 0.4, 0.5, -0.5, 0.6, -0.6]
     value = [*field[:6], 0.0, 0.0, 0.0]

@@ -12,6 +12,7 @@ import seals
 from by_effect import found
 from judged import Judged
 from rows import Share
+from track_record import last_of
 
 CONCEALED = Path(__file__).parents[2] / "experiments/concealed"
 RESULTS = CONCEALED / "results"
@@ -59,11 +60,17 @@ def test_the_page_s_column_is_the_last_sample_s_score(table: list[list[str]]) ->
     rows = {line[0]: line[2:] for line in map(cells, score) if len(line) == 4}
     said = (CONCEALED / "README.md").read_text().replace("*", "")
     assert f"`{last}`" in said
-    together = {line[0]: line[2] for line in table if len(line) == 3 and " (" in line[2]}
+    together = {line[0]: (line[2], line[3]) for line in table if len(line) == 4 and line[0]}
     assert len(together) == 10
-    for label, all_samples in together.items():
+    for label, (all_samples, recent) in together.items():
         total, worst = rows[label]
-        assert f"| {total} | {worst} | {all_samples} |" in said, label
+        assert f"| {total} | {worst} | {recent} | {all_samples} |" in said, label
+
+
+def test_the_last_samples_are_as_many_as_a_suite_has_cases() -> None:
+    case = Judged("c000", {}, {})
+    assert last_of({"first": 200 * [case], "second": 250 * [case], "third": 60 * [case]}) == ["second", "third"]
+    assert last_of({"first": 200 * [case]}) == ["first"]
 
 
 def test_an_effect_counts_where_it_is_told_and_apart_where_it_is_misplaced_or_absent() -> None:

@@ -67,9 +67,13 @@ def test_a_diagnosis_is_read_from_its_folder(tmp_path: Path):
     [
         ({"confidence": 0.014, "name_confidence": 0.99}, "0.99, with its map 0.01"),
         ({"confidence": 0.99, "name_confidence": 0.99}, "0.99"),
+        (
+            {"confidence": 0.95, "name_confidence": 0.99, "confidence_everywhere": 0.02},
+            "0.99, with its map 0.95 (0.02 over the whole sheet)",
+        ),
         ({"confidence": 0.87}, "0.87"),
     ],
-    ids=["map unknown", "map known", "as written before"],
+    ids=["map unknown", "map known", "known in part", "as written before"],
 )
 def test_a_field_is_as_sure_as_its_name_and_as_its_map(effect: dict[str, float], said: str):
     assert _how_sure(effect) == said

@@ -188,7 +188,8 @@ class Claim:
     def _reason_of_map(self) -> tuple[Reason, ...]:
         if self.right_map is None or round(self.right, 3) == round(self.confidence, 3):
             return ()
-        why = f"its map follows the true field where it is determined with a probability of {self.right_map:.2f}"
+        where = "over the whole sheet" if self.right_map == self.right_map_everywhere else "where it is determined"
+        why = f"its map follows the true field {where} with a probability of {self.right_map:.2f}"
         return (Reason("map_known", self.confidence, self.right, why),)
 
     def as_builtins(self) -> dict[str, Any]:

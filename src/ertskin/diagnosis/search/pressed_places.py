@@ -22,7 +22,7 @@ from ertskin.diagnosis.fit.terms import Modes, Term
 from ertskin.diagnosis.linear.calibration_vector import Calibration
 from ertskin.diagnosis.search.settling import where_it_settles
 from ertskin.diagnosis.search.smooth_fields import MOST_MODES, SPREADS, covariance_half, node_shape
-from ertskin.diagnosis.search.trials import of_presses, unlikely, worth_a_name
+from ertskin.diagnosis.search.trials import is_worth_a_name, of_presses, unlikely
 from ertskin.physics.effects.effect import Effect
 from ertskin.physics.effects.hypothesis import Signal
 from ertskin.physics.effects.registry import effects_shown_by
@@ -56,7 +56,7 @@ def told_by_place(build: Problem, incumbent: CheckedFit) -> tuple[CheckedFit, fl
             continue
         proposed = _explaining_most(build, incumbent, kind)
         gain = 0.0 if proposed is None else unlikely(current) - unlikely(proposed.solved)
-        if proposed is not None and gain > worth_a_name(problem, current):
+        if proposed is not None and is_worth_a_name(problem, current, proposed.solved.terms[-1], gain):
             return proposed, gain
     return None
 

@@ -25,7 +25,7 @@ from ertskin.diagnosis.search.exchange import exchanged, gain_of_exchange
 from ertskin.diagnosis.search.form_error import form_error
 from ertskin.diagnosis.search.pressed_places import told_by_place
 from ertskin.diagnosis.search.settling import Freeing, freed_forms, refined, spread, where_it_settles
-from ertskin.diagnosis.search.trials import Trial, is_worth_a_name, rms_of, trials_of, worth_a_name
+from ertskin.diagnosis.search.trials import Trial, rms_of, trials_of, worth_a_name, worthy
 from ertskin.diagnosis.specimen.agreement import remembers_alike
 from ertskin.physics.conduction.mesh import MeshError
 from ertskin.physics.effects.effect import ElectrodeEffect
@@ -229,14 +229,13 @@ class _Search:
     ) -> tuple[list[Trial], list[Trial], tuple[Trial, CheckedFit] | None]:
         """The trials of the ``lists``, up to where one enters or none of the likely ones is ``wanted``, those of the
         last list, and the first of them worth a name that holds where it settles."""
-        worth = partial(is_worth_a_name, incumbent.problem, incumbent.solved)
         trials, fitted = list[Trial](), list[Trial]()
         for fitted in lists:
             trials += fitted
-            worthy = [trial for trial in fitted if worth(trial.term, trial.gain)]
-            if worthy and not _holds_likely(fitted, wanted, incumbent.problem.evidence.criteria):
+            named = worthy(incumbent.problem, incumbent.solved, fitted)
+            if named and not _holds_likely(fitted, wanted, incumbent.problem.evidence.criteria):
                 break
-            entered = first_to_hold(self.build, incumbent, worthy, self.partitions)
+            entered = first_to_hold(self.build, incumbent, named, self.partitions)
             if entered is not None:
                 return trials, fitted, entered
         return trials, fitted, None

@@ -27,9 +27,11 @@ WORTH_TRYING = 0.15
 EXPECTED = 0.2
 """Part of what a name must gain that a candidate must be expected to gain: of 230 fits on recordings of known truth
 none of those known to be expected to gain less gained a third of it (of two what was expected wasn't kept)."""
-BARE_RATIO = 1.005
-"""Factor in a misfit too small to be a mismatch that a first name must be worth: no other name's form may be in error
-yet, and what noise and simulator make gains less."""
+FIRST_SHARE = 1 / 6
+"""Part of what is material that is enough for a first name where the misfit is no mismatch."""
+COLOURED = 3.0
+"""Times what is significant under white noise that it is under any: coloured noise made 33 and 34 in half chi-square of
+a gain that there wasn't."""
 SHARES = 1.0, 0.3, 0.1
 """Of a candidate's size, at which it is begun."""
 
@@ -103,22 +105,32 @@ def worth_a_name(problem: VoltageProblem, current: Solved) -> float:
     return _worth(problem, current, first=not current.terms)
 
 
+def worthy(problem: VoltageProblem, current: Solved, trials: Sequence[Trial]) -> list[Trial]:
+    """The trials that are worth a name; none that gains less than a field that isn't, which would stay unsaid."""
+    worth = [trial for trial in trials if is_worth_a_name(problem, current, trial.term, trial.gain)]
+    unsaid = max((t.gain for t in trials if of_presses(t.term) and t not in worth), default=0.0)
+    return [t for t in worth if t.gain >= unsaid or t.term.name == problem.evidence.seen_at_rest]
+
+
 def is_worth_a_name(problem: VoltageProblem, current: Solved, term: Term, gain: float) -> bool:
     """Whether a term gains what it must. What rest frames show by themselves needn't be material: no error in the form
-    of what presses do is there to be mended. A first name may be worth less where hardly anything is missing, but for a
-    field that presses alone show: one of a few places takes what any other cause does to these."""
-    criteria = problem.evidence.criteria
+    of what presses do is there to be mended."""
     if term.name == problem.evidence.seen_at_rest:
-        return gain >= criteria.significant_gain
-    first = all(other.name == term.name for other in current.terms) and not of_presses(term)
+        return gain >= problem.evidence.criteria.significant_gain
+    first = all(other is term for other in current.terms) and not of_presses(term)
     return gain >= _worth(problem, current, first)
 
 
 def _worth(problem: VoltageProblem, current: Solved, first: bool) -> float:
-    criteria = problem.evidence.criteria
-    bare = first and rms_of(current) <= criteria.mismatch_ratio
-    ratio = BARE_RATIO if bare else criteria.material_ratio
-    return max(criteria.significant_gain, material_cost(residual_count(problem), of_scans(current), ratio))
+    """A ``first`` name needn't be quite material where scans of a network are missed by less than a mismatch: no form
+    of another can be in error. Not so a field that presses alone show: one of a few places takes what any other cause
+    does to these."""
+    criteria, numbers, cost = problem.evidence.criteria, residual_count(problem), of_scans(current)
+    material = material_cost(numbers, cost, criteria.material_ratio)
+    if not first or rms_of(current) > criteria.mismatch_ratio:
+        return max(criteria.significant_gain, material)
+    part = material_cost(numbers, cost, 1 + FIRST_SHARE * (criteria.material_ratio - 1))
+    return max(criteria.significant_gain, min(material, max(COLOURED * criteria.significant_gain, part)))
 
 
 def of_presses(term: Term) -> bool:

@@ -93,7 +93,7 @@ def searching(monkeypatch: pytest.MonkeyPatch, found: list[Any], beyond: list[An
     monkeypatch.setattr(selection, "screen", lambda *given: [])
     monkeypatch.setattr(selection, "form_error", lambda *given: SimpleNamespace(gain=0.0))
     monkeypatch.setattr(selection, "worth_a_name", lambda *given: 1.0)
-    monkeypatch.setattr(selection, "is_worth_a_name", lambda *given: True)
+    monkeypatch.setattr(selection, "worthy", lambda problem, current, fitted: list(fitted))
     monkeypatch.setattr(selection, "trials_of", lambda *given: [list(found), list(beyond)])
     monkeypatch.setattr(selection, "_as_tried", lambda one, kept: one.solved)
     monkeypatch.setattr(selection, "exchanged", lambda *given: None)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -10,11 +11,13 @@ import pytest
 
 from ertskin.diagnosis.criteria import DEFAULT
 from ertskin.diagnosis.fit.terms import Term
-from ertskin.diagnosis.search.trials import BARE_RATIO, is_worth_a_name, material_cost, worth_a_name
+from ertskin.diagnosis.search.trials import FIRST_SHARE, Trial, is_worth_a_name, material_cost, worth_a_name, worthy
 from ertskin.physics.effects.piezo_inhomogeneity import PiezoInhomogeneity
 from ertskin.physics.effects.self_heating import SelfHeating
 from ertskin.physics.effects.temperature_drift import TemperatureDrift
 
+LESS = 1 + FIRST_SHARE * (DEFAULT.material_ratio - 1)
+FIELD = Term(PiezoInhomogeneity(), ("amplitude",))
 HEAT, DRIFT = Term(SelfHeating(crowded_rise=-0.01), ("crowded_rise",)), Term(TemperatureDrift(), ("rate_per_h",))
 
 
@@ -45,14 +48,15 @@ def test_what_rest_frames_show_need_not_be_material(seen: str | None, term: Term
 @pytest.mark.parametrize(
     ("others", "rms", "entering", "ratio"),
     [
-        ((), 1.0, HEAT, BARE_RATIO),
-        ((HEAT,), 1.0, HEAT, BARE_RATIO),
+        ((), 1.0, HEAT, LESS),
+        ((HEAT,), 1.0, HEAT, LESS),
+        ((replace(HEAT),), 1.0, HEAT, DEFAULT.material_ratio),
         ((DRIFT,), 1.0, HEAT, DEFAULT.material_ratio),
         ((DRIFT, HEAT), 1.0, HEAT, DEFAULT.material_ratio),
         ((), 1.1, HEAT, DEFAULT.material_ratio),
-        ((), 1.0, Term(PiezoInhomogeneity(), ("amplitude",)), DEFAULT.material_ratio),
+        ((), 1.0, FIELD, DEFAULT.material_ratio),
     ],
-    ids=["first", "first, fitted", "second", "one of two", "much is missing", "a field of presses"],
+    ids=["first", "first, fitted", "second of a name", "second", "one of two", "much is missing", "a field of presses"],
 )
 def test_a_first_name_may_be_worth_less_where_little_is_missing(
     others: tuple[Term, ...], rms: float, entering: Term, ratio: float
@@ -61,3 +65,25 @@ def test_a_first_name_may_be_worth_less_where_little_is_missing(
     least = material_cost(NUMBERS, 0.5 * NUMBERS * rms**2, ratio)
     assert is_worth_a_name(problem(None), current, entering, 1.01 * least)
     assert not is_worth_a_name(problem(None), current, entering, 0.99 * least)
+
+
+def test_a_first_name_asks_for_more_than_coloured_noise_makes_but_for_no_more_than_is_material() -> None:
+    few = SimpleNamespace(terms=(), scan_residual=np.ones((10, 276)))
+    asked = SimpleNamespace(evidence=problem(None).evidence, weight=np.ones(10))
+    material = material_cost(2760, 0.5 * 2760, DEFAULT.material_ratio)
+    assert worth_a_name(asked, few) == pytest.approx(min(45.0, material))  # type: ignore[arg-type]
+    strict = SimpleNamespace(**vars(asked.evidence) | {"criteria": replace(DEFAULT, material_ratio=1.005)})
+    lenient = SimpleNamespace(evidence=strict, weight=np.ones(10))
+    assert worth_a_name(lenient, few) == DEFAULT.significant_gain  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(("field_gain", "named"), [(500.0, True), (800.0, False)], ids=["gains less", "gains more"])
+def test_nothing_is_named_that_a_field_which_is_not_gains_more_than(field_gain: float, named: bool) -> None:
+    asked, material = problem("temperature_drift"), material_cost(NUMBERS, 0.5 * NUMBERS, DEFAULT.material_ratio)
+    assert field_gain < material
+    heat, drift, field = (
+        Trial(term, gain, fit()) for term, gain in ((HEAT, 1300.0 - field_gain), (DRIFT, 20.0), (FIELD, field_gain))
+    )
+    assert worthy(asked, fit(), [heat, field, drift]) == ([heat, drift] if named else [drift])
+    second = replace(heat, gain=1.1 * material)
+    assert worthy(asked, fit(DRIFT), [second, field]) == [second]
