@@ -23,6 +23,7 @@ from ertskin.diagnosis.search.contact_paths import as_good_at_rest, without_path
 from ertskin.diagnosis.search.entering import first_to_hold, likely, of_few_numbers, promises, short_of
 from ertskin.diagnosis.search.exchange import exchanged, gain_of_exchange
 from ertskin.diagnosis.search.form_error import form_error
+from ertskin.diagnosis.search.other_forms import begun_anew, other_forms
 from ertskin.diagnosis.search.pressed_places import told_by_place
 from ertskin.diagnosis.search.settling import Freeing, freed_forms, refined, spread, where_it_settles
 from ertskin.diagnosis.search.trials import Trial, rms_of, trials_of, worth_a_name, worthy
@@ -108,7 +109,7 @@ def _calibrated(build: Problem, fixed: Sequence[Term], start: Calibration) -> Ch
 class _Search:
     """The sets of terms visited so far: ``stand`` keeps each term's rivals, ``tried`` every set fitted, in order.
 
-    The first ``fixed`` terms belong to every set.
+    The first ``fixed`` terms belong to every set. ``forms``: other forms of terms that entered, with their rivals.
     """
 
     build: Problem
@@ -118,6 +119,7 @@ class _Search:
     stand: dict[str, Rivals]
     tried: list[Tried] = field(default_factory=list)
     disagrees: bool = False
+    forms: list[tuple[Trial, Rivals]] = field(default_factory=list)
 
     def grown(self, incumbent: CheckedFit) -> CheckedFit:
         """With one term more after the other, while one gains enough and they aren't too many; asked once at least."""
@@ -132,8 +134,8 @@ class _Search:
         return incumbent
 
     def found(self, incumbent: CheckedFit) -> tuple[tuple[Chosen, ...], CheckedFit]:
-        """All that is missing from a fit: grown, pruned, and its fields asked for once more."""
-        return self.fields_reconsidered(*self.pruned(self.grown(incumbent)))
+        """All that is missing from a fit: grown, pruned, and its forms and fields asked for once more."""
+        return self.fields_reconsidered(*self.with_other_forms(*self.pruned(self.grown(incumbent))))
 
     def found_remembering(self, incumbent: CheckedFit, start: Calibration) -> tuple[tuple[Chosen, ...], CheckedFit]:
         """All that is missing, with what places keep of presses in the stead of contacts that wander where it explains
@@ -216,6 +218,7 @@ class _Search:
             return self._in_anothers_place(incumbent, trials) or self.told_by_place(incumbent)
         trial, proposed = entered
         self.stand[key_of(trial.term)] = short_of(trial, last)
+        self.forms += [(form, short_of(form, last)) for form in other_forms(trial, last)]
         return self._refined(_reconsidered(self.build, proposed))
 
     def _refined(self, fit: CheckedFit, free: Freeing = freed_forms) -> CheckedFit:
@@ -262,6 +265,29 @@ class _Search:
         proposed, gain = found
         self.tried.append(Tried(tuple(term.name for term in proposed.solved.terms), gain, True))
         return self._refined(proposed, free)
+
+    def with_other_forms(
+        self, chosen: tuple[Chosen, ...], incumbent: CheckedFit
+    ) -> tuple[tuple[Chosen, ...], CheckedFit]:
+        """With a form that explained nearly as much as one that entered, and what follows, where a mismatch stays and
+        that is likelier."""
+        forms, self.forms = self.forms, []
+        if incumbent.misfit <= incumbent.problem.evidence.criteria.mismatch_ratio:
+            return chosen, incumbent
+        for form, rivals in forms:
+            other = self._apart()
+            begun = begun_anew(self.build, incumbent, form, self.fixed, self.partitions)
+            if begun is None:
+                continue
+            other.stand[key_of(form.term)] = rivals
+            others, reached = other.pruned(other.grown(begun))
+            gain = gain_of_exchange(incumbent, reached)
+            other.tried.append(Tried(tuple(term.name for term in reached.solved.terms), gain, True))
+            if gain > worth_a_name(incumbent.problem, incumbent.solved) and other.disagrees == self.disagrees:
+                self._go_on_as(other)
+                return others, reached
+            self._came_to_nothing(other)
+        return chosen, incumbent
 
     def fields_reconsidered(
         self, chosen: tuple[Chosen, ...], incumbent: CheckedFit
@@ -321,7 +347,7 @@ class _Search:
 
     def _apart(self) -> _Search:
         """Another search that begins with this one and leaves it as it is."""
-        return replace(self, stand=dict(self.stand), tried=list(self.tried))
+        return replace(self, stand=dict(self.stand), tried=list(self.tried), forms=list(self.forms))
 
     def _go_on_as(self, other: _Search) -> None:
         """Take over what another search that began with this one has come to."""
