@@ -26,7 +26,7 @@ from ertskin.diagnosis.fit.terms import Term  # noqa: E402
 from ertskin.diagnosis.linear.calibration_vector import Calibration  # noqa: E402
 from ertskin.diagnosis.search.candidates import screen  # noqa: E402
 from ertskin.diagnosis.search.chosen import Selection  # noqa: E402
-from ertskin.diagnosis.search.trials import material_cost  # noqa: E402
+from ertskin.diagnosis.search.trials import worth_a_name  # noqa: E402
 from ertskin.hardware.recording import read_recording  # noqa: E402
 
 
@@ -51,9 +51,7 @@ class Chance:
         problem = build(None)  # type: ignore[operator]
         fitted = problem.solve(fixed, start)
         clean = problem.acquisition.scans(problem.family.skin(fitted.calibration, fitted.effects))
-        cost = 0.5 * float((fitted.scan_residual**2).sum())
-        numbers = int((problem.weight > 0).sum()) * clean.shape[1]
-        self.least = max(DEFAULT.significant_gain, material_cost(numbers, cost, DEFAULT.material_ratio))
+        self.least = worth_a_name(problem, fitted)
         real = problem.evidence
         for seed in range(self.count):
             noise = real.noise_v * np.random.default_rng(seed).standard_normal(clean.shape)

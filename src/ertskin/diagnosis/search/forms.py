@@ -9,10 +9,13 @@ from ertskin.diagnosis.fit.terms import Term
 
 def form_of(term: Term) -> tuple[object, ...]:
     """What tells one form of an effect from another: what is free, its law, whether it is a smooth field."""
-    flags = (
-        getattr(term.effect, flag, False) for flag in ("remembers_air", "multiplies", "ages", "by_steps", "evenly")
-    )
-    return term.free, *flags, term.modes is not None
+    return term.free, *law_of(term), term.modes is not None
+
+
+def law_of(term: Term) -> tuple[bool, ...]:
+    """The laws that an effect may obey."""
+    flags = "remembers_air", "multiplies", "ages", "by_steps", "evenly"
+    return tuple(bool(getattr(term.effect, flag, False)) for flag in flags)
 
 
 def freer(term: Term) -> list[Term]:

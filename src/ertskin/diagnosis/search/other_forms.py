@@ -8,36 +8,45 @@ of the noise, contacts pressed unevenly 1.91: with an indenter that lands 0.3 mm
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
-from ertskin.diagnosis.fit.full_solution_check import CheckedFit, Problem
+from ertskin.diagnosis.fit.full_solution_check import CheckedFit
+from ertskin.diagnosis.fit.terms import Term
 from ertskin.diagnosis.search.candidates import screen
+from ertskin.diagnosis.search.chosen import Rivals
 from ertskin.diagnosis.search.entering import AS_GOOD
-from ertskin.diagnosis.search.forms import form_of
-from ertskin.diagnosis.search.settling import where_it_settles
-from ertskin.diagnosis.search.trials import Trial, unlikely
+from ertskin.diagnosis.search.exchange import gain_of_exchange
+from ertskin.diagnosis.search.forms import law_of
+from ertskin.diagnosis.search.trials import Trial, worth_a_name
 
 
-def other_forms(entered: Trial, trials: Sequence[Trial]) -> list[Trial]:
-    """The trials of the name that entered in another form of few numbers that gains nearly as much, the best first."""
+@dataclass(frozen=True, eq=False)
+class OtherForm:
+    """A trial of what entered in another form, the ``rivals`` of that effect, and how many terms were fixed then."""
 
-    def is_other(trial: Trial) -> bool:
-        same = trial.term.name == entered.term.name and trial.term.modes is None
-        return same and form_of(trial.term) != form_of(entered.term) and trial.gain >= AS_GOOD * entered.gain
+    trial: Trial
+    rivals: Rivals
+    fixed: int
 
-    return [] if entered.term.modes is not None else [trial for trial in trials if is_other(trial)]
+    def may_replace(self, terms: Sequence[Term], fixed: int) -> bool:
+        """Whether its effect is among the terms, in another form, and as many are ``fixed`` as were then."""
+        alike = [law_of(term) for term in terms if term.name == self.trial.term.name]
+        return self.fixed == fixed and bool(alike) and law_of(self.trial.term) not in alike
 
 
-def begun_anew(
-    build: Problem, incumbent: CheckedFit, form: Trial, fixed: int, partitions: Sequence[Sequence[int]]
-) -> CheckedFit | None:
-    """The fit with a form and what came before it, where it settles; None where its first ``fixed`` terms are others by
-    now, or where no candidate is expected to make it likelier than the incumbent."""
-    if [t.name for t in form.solved.terms[:fixed]] != [t.name for t in incumbent.solved.terms[:fixed]]:
-        return None
-    fit = where_it_settles(build, None, form.solved)
-    if fit is None:
-        return None
+def other_forms(entered: Trial, trials: Sequence[Trial], rivals: Rivals, fixed: int) -> list[OtherForm]:
+    """The best trial in every other form of few numbers of what entered that gains nearly as much as it."""
+    found = {law_of(entered.term): entered}
+    for trial in trials if entered.term.modes is None else ():
+        alike = trial.term.name == entered.term.name and trial.term.modes is None
+        if alike and trial.gain >= AS_GOOD * entered.gain:
+            found.setdefault(law_of(trial.term), trial)
+    return [OtherForm(trial, rivals, fixed) for trial in list(found.values())[1:]]
+
+
+def may_be_likelier(fit: CheckedFit, incumbent: CheckedFit, partitions: Sequence[Sequence[int]]) -> bool:
+    """Whether a fit with the likeliest candidate more is expected to be likelier than the incumbent."""
     found = screen(fit.problem, fit.problem.at_hand(fit.solved), partitions)
     expected = max((candidate.gain for candidate in found), default=0.0)
-    least = incumbent.problem.evidence.criteria.significant_gain
-    return fit if unlikely(fit.solved) - expected < unlikely(incumbent.solved) - least else None
+    least = worth_a_name(incumbent.problem, incumbent.solved)
+    return gain_of_exchange(incumbent, fit) + max(expected, 0.0) > least

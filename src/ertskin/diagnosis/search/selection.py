@@ -23,7 +23,7 @@ from ertskin.diagnosis.search.contact_paths import as_good_at_rest, without_path
 from ertskin.diagnosis.search.entering import first_to_hold, likely, of_few_numbers, promises, short_of
 from ertskin.diagnosis.search.exchange import exchanged, gain_of_exchange
 from ertskin.diagnosis.search.form_error import form_error
-from ertskin.diagnosis.search.other_forms import begun_anew, other_forms
+from ertskin.diagnosis.search.other_forms import OtherForm, may_be_likelier, other_forms
 from ertskin.diagnosis.search.pressed_places import told_by_place
 from ertskin.diagnosis.search.settling import Freeing, freed_forms, refined, spread, where_it_settles
 from ertskin.diagnosis.search.trials import Trial, rms_of, trials_of, worth_a_name, worthy
@@ -109,7 +109,7 @@ def _calibrated(build: Problem, fixed: Sequence[Term], start: Calibration) -> Ch
 class _Search:
     """The sets of terms visited so far: ``stand`` keeps each term's rivals, ``tried`` every set fitted, in order.
 
-    The first ``fixed`` terms belong to every set. ``forms``: other forms of terms that entered, with their rivals.
+    The first ``fixed`` terms belong to every set. ``forms``: other forms of what entered.
     """
 
     build: Problem
@@ -119,7 +119,7 @@ class _Search:
     stand: dict[str, Rivals]
     tried: list[Tried] = field(default_factory=list)
     disagrees: bool = False
-    forms: list[tuple[Trial, Rivals]] = field(default_factory=list)
+    forms: list[OtherForm] = field(default_factory=list)
 
     def grown(self, incumbent: CheckedFit) -> CheckedFit:
         """With one term more after the other, while one gains enough and they aren't too many; asked once at least."""
@@ -217,8 +217,8 @@ class _Search:
         if entered is None:
             return self._in_anothers_place(incumbent, trials) or self.told_by_place(incumbent)
         trial, proposed = entered
-        self.stand[key_of(trial.term)] = short_of(trial, last)
-        self.forms += [(form, short_of(form, last)) for form in other_forms(trial, last)]
+        rivals = self.stand[key_of(trial.term)] = short_of(trial, last)
+        self.forms += other_forms(trial, last, rivals, self.fixed)
         return self._refined(_reconsidered(self.build, proposed))
 
     def _refined(self, fit: CheckedFit, free: Freeing = freed_forms) -> CheckedFit:
@@ -274,20 +274,32 @@ class _Search:
         forms, self.forms = self.forms, []
         if incumbent.misfit <= incumbent.problem.evidence.criteria.mismatch_ratio:
             return chosen, incumbent
-        for form, rivals in forms:
+        least = worth_a_name(incumbent.problem, incumbent.solved)
+        for form in forms:
             other = self._apart()
-            begun = begun_anew(self.build, incumbent, form, self.fixed, self.partitions)
-            if begun is None:
+            begun = other._in_form(incumbent, form)
+            if begun is None or not may_be_likelier(begun, incumbent, self.partitions):
                 continue
-            other.stand[key_of(form.term)] = rivals
             others, reached = other.pruned(other.grown(begun))
             gain = gain_of_exchange(incumbent, reached)
             other.tried.append(Tried(tuple(term.name for term in reached.solved.terms), gain, True))
-            if gain > worth_a_name(incumbent.problem, incumbent.solved) and other.disagrees == self.disagrees:
+            if gain > least and not reached.spoils(incumbent) and other.disagrees == self.disagrees:
                 self._go_on_as(other)
                 return others, reached
             self._came_to_nothing(other)
         return chosen, incumbent
+
+    def _in_form(self, incumbent: CheckedFit, form: OtherForm) -> CheckedFit | None:
+        """The fit with an effect of the incumbent in another form, and what came before it; None where that isn't
+        another one by now, or settles nowhere."""
+        if not form.may_replace(incumbent.solved.terms, self.fixed):
+            return None
+        fit = where_it_settles(self.build, None, form.trial.solved)
+        if fit is None:
+            return None
+        self.stand[key_of(form.trial.term)] = form.rivals
+        proposed = self._refined(_reconsidered(self.build, fit))
+        return self._without_drifts(self._where_readings_remember(proposed))
 
     def fields_reconsidered(
         self, chosen: tuple[Chosen, ...], incumbent: CheckedFit

@@ -15,7 +15,7 @@ from ertskin.diagnosis.fit.terms import Term
 from ertskin.diagnosis.search import other_forms as module
 from ertskin.diagnosis.search import selection
 from ertskin.diagnosis.search.chosen import key_of
-from ertskin.diagnosis.search.other_forms import begun_anew, other_forms
+from ertskin.diagnosis.search.other_forms import OtherForm, may_be_likelier, other_forms
 from ertskin.diagnosis.search.trials import Trial
 from ertskin.physics.effects.contact_pressure_dependence import ContactPressureDependence
 from ertskin.physics.effects.indenter_offset import IndenterOffset
@@ -23,6 +23,7 @@ from ertskin.physics.effects.indenter_offset import IndenterOffset
 ALIKE = Term(ContactPressureDependence(evenly=True), ("sensitivity_per_pa",))
 UNEVEN = replace(ALIKE, effect=ContactPressureDependence(evenly=False))
 OFFSET = Term(IndenterOffset(), ("dx_m",))
+RIVALS = (Rival(OFFSET.effect, 7.0),)
 
 
 @dataclass(frozen=True)
@@ -35,71 +36,150 @@ def trial(term: Term, gain: float) -> Trial:
 
 
 def fit_of(*terms: Term, misfit: float = 1.6) -> CheckedFit:
-    problem: Any = SimpleNamespace(evidence=SimpleNamespace(criteria=DEFAULT), at_hand=lambda solved: solved)
-    return CheckedFit(problem, SimpleNamespace(terms=terms), misfit, 0.0)  # type: ignore[arg-type]
+    evidence = SimpleNamespace(criteria=DEFAULT)
+    problem: Any = SimpleNamespace(evidence=evidence, specimen=None, at_hand=lambda solved: solved)
+    return CheckedFit(problem, SimpleNamespace(terms=terms, effects=()), misfit, 0.0)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(
-    ("other", "kept"),
+    ("others", "kept"),
     [
-        (trial(UNEVEN, 95.0), True),
-        (trial(UNEVEN, 80.0), False),
-        (trial(ALIKE, 95.0), False),
-        (trial(OFFSET, 95.0), False),
-        (trial(replace(UNEVEN, modes=Modes()), 95.0), False),  # type: ignore[arg-type]
+        ([trial(UNEVEN, 95.0)], [0]),
+        ([trial(UNEVEN, 80.0)], []),
+        ([trial(replace(ALIKE, free=("sensitivity_per_pa", "bend")), 95.0)], []),
+        ([trial(OFFSET, 95.0)], []),
+        ([trial(replace(UNEVEN, modes=Modes()), 95.0)], []),  # type: ignore[arg-type]
+        ([trial(UNEVEN, 96.0), trial(UNEVEN, 95.0)], [0]),
     ],
-    ids=["another form", "one that gains less", "the same form", "another name", "a smooth field"],
+    ids=["another law", "one that gains less", "the same law", "another name", "a smooth field", "two of a law"],
 )
-def test_forms_that_gain_nearly_as_much_are_kept(other: Trial, kept: bool) -> None:
-    entered = trial(ALIKE, 100.0)
-    assert other_forms(entered, [entered, other]) == ([other] if kept else [])
+def test_the_best_of_every_law_that_gains_nearly_as_much_is_kept(others: list[Trial], kept: list[int]) -> None:
+    entered, rivals = trial(ALIKE, 100.0), (Rival(OFFSET.effect, 2.0),)
+    found = other_forms(entered, [entered, *others], rivals, 3)
+    assert [one.trial for one in found] == [others[k] for k in kept]
+    assert all((one.rivals, one.fixed) == (rivals, 3) for one in found)
 
 
 def test_a_smooth_field_has_no_other_form() -> None:
     entered = trial(replace(ALIKE, modes=Modes()), 100.0)  # type: ignore[arg-type]
-    assert other_forms(entered, [entered, trial(UNEVEN, 99.0)]) == []
+    assert other_forms(entered, [entered, trial(UNEVEN, 99.0)], (), 0) == []
 
 
 @pytest.mark.parametrize(
-    ("expected", "fixed", "begun"),
-    [(400.0, 0, True), (200.0, 0, False), (400.0, 1, False)],
-    ids=["promises enough", "promises too little", "other terms are fixed by now"],
+    ("terms", "fixed", "may"),
+    [((ALIKE, OFFSET), 0, True), ((UNEVEN, OFFSET), 0, False), ((OFFSET,), 0, False), ((ALIKE, OFFSET), 1, False)],
+    ids=["there in another form", "there in this form", "dropped", "others are fixed by now"],
 )
-def test_it_is_begun_anew_only_where_that_may_be_likelier(
-    expected: float, fixed: int, begun: bool, monkeypatch: pytest.MonkeyPatch
+def test_it_may_replace_its_effect_in_another_form(terms: tuple[Term, ...], fixed: int, may: bool) -> None:
+    assert OtherForm(trial(UNEVEN, 95.0), (), 0).may_replace(terms, fixed) is may
+
+
+@pytest.mark.parametrize(("expected", "may"), [(1000.0, True), (800.0, False)])
+def test_it_may_be_likelier_where_a_candidate_promises_it(
+    expected: float, may: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    # Alone the form is less likely by 300 than all that was found beside the other one.
-    incumbent = fit_of(OFFSET, ALIKE)
-    monkeypatch.setattr(module, "where_it_settles", lambda build, problem, solved: fit_of(*solved.terms))
-    monkeypatch.setattr(module, "unlikely", lambda solved: 900.0 if len(solved.terms) == 2 else 1200.0)
+    # Alone the form is less likely by 300 than all that was found beside the other one, and 600 is worth a name.
+    monkeypatch.setattr(module, "gain_of_exchange", lambda present, proposed: -300.0)
+    monkeypatch.setattr(module, "worth_a_name", lambda problem, solved: 600.0)
     monkeypatch.setattr(module, "screen", lambda *given: [SimpleNamespace(gain=expected), SimpleNamespace(gain=1.0)])
-    found = begun_anew(None, incumbent, trial(UNEVEN, 95.0), fixed, [])  # type: ignore[arg-type]
-    assert (found is not None) is begun
-    assert found is None or found.solved.terms == (UNEVEN,)
+    assert may_be_likelier(fit_of(UNEVEN), fit_of(ALIKE, OFFSET), []) is may
 
 
-@pytest.mark.parametrize(
-    ("misfit", "gain", "names"),
-    [(1.6, 5000.0, [UNEVEN, OFFSET]), (1.6, 3.0, [ALIKE]), (1.04, 5000.0, [ALIKE])],
-    ids=["likelier", "not likelier", "nothing is missing"],
-)
-def test_what_follows_is_kept_where_a_mismatch_stays_and_it_is_likelier(
-    misfit: float, gain: float, names: list[Term], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(selection, "begun_anew", lambda build, incumbent, form, fixed, folds: fit_of(form.term))
-    monkeypatch.setattr(selection._Search, "grown", lambda search, fit: fit_of(*fit.solved.terms, OFFSET))
-    monkeypatch.setattr(selection._Search, "pruned", lambda search, fit: (tuple(fit.solved.terms), fit))
-    monkeypatch.setattr(selection, "gain_of_exchange", lambda incumbent, reached: gain)
+@pytest.fixture
+def search(monkeypatch: pytest.MonkeyPatch) -> selection._Search:
+    """One to which an offset enters beside what is there, of whose term another form is known."""
+    monkeypatch.setattr(selection, "where_it_settles", lambda build, problem, solved: fit_of(*solved.terms))
+    monkeypatch.setattr(selection, "refined", lambda build, fit, partitions, free: fit)
+    monkeypatch.setattr(selection, "_reconsidered", lambda build, fit: fit)
     monkeypatch.setattr(selection, "worth_a_name", lambda problem, solved: 600.0)
-    search = selection._Search(None, [], lambda share, text: None, 0, {})  # type: ignore[arg-type]
-    rivals = (Rival(OFFSET.effect, 7.0),)
-    search.forms = [(trial(UNEVEN, 95.0), rivals)]
+    monkeypatch.setattr(selection, "may_be_likelier", lambda fit, incumbent, partitions: True)
+    monkeypatch.setattr(selection._Search, "_without_drifts", lambda search, fit: fit)
+    monkeypatch.setattr(selection._Search, "grown", lambda search, fit: fit_of(*fit.solved.terms, OFFSET, misfit=1.0))
+    monkeypatch.setattr(selection._Search, "pruned", lambda search, fit: (tuple(fit.solved.terms), fit))
+    monkeypatch.setattr(selection, "gain_of_exchange", lambda incumbent, reached: 5000.0)
+    found = selection._Search(None, [], lambda share, text: None, 0, {})  # type: ignore[arg-type]
+    found.forms = [OtherForm(trial(UNEVEN, 95.0), RIVALS, 0)]
+    return found
+
+
+def gone_on(search: selection._Search, misfit: float = 1.6) -> list[Term]:
+    """The terms that a search ends with which has found one so far."""
     chosen: Any = (ALIKE,)
     found, reached = search.with_other_forms(chosen, fit_of(ALIKE, misfit=misfit))
-    assert list(found) == list(reached.solved.terms) == names
-    kept = len(names) == 2
-    assert [(one.effects, one.gain, one.kept) for one in search.tried] == (
-        [((UNEVEN.name, OFFSET.name), gain, kept)] if misfit > DEFAULT.mismatch_ratio else []
-    )
-    assert search.stand == ({key_of(UNEVEN): rivals} if kept else {})
+    assert list(found) == list(reached.solved.terms)
     assert search.forms == []
+    return list(reached.solved.terms)
+
+
+def test_what_follows_another_form_is_kept_where_it_is_likelier(search: selection._Search) -> None:
+    assert gone_on(search) == [UNEVEN, OFFSET]
+    assert search.stand == {key_of(UNEVEN): RIVALS}
+    assert [(one.effects, one.gain, one.kept) for one in search.tried] == [((UNEVEN.name, OFFSET.name), 5000.0, True)]
+
+
+def test_it_is_tried_and_left_where_it_is_not_likelier(
+    search: selection._Search, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(selection, "gain_of_exchange", lambda incumbent, reached: 590.0)
+    assert gone_on(search) == [ALIKE]
+    assert search.stand == {}
+    assert [one.kept for one in search.tried] == [False]
+
+
+def test_it_is_left_where_frames_solved_in_full_fit_worse(
+    search: selection._Search, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(selection._Search, "grown", lambda search, fit: fit_of(*fit.solved.terms, misfit=9.0))
+    assert gone_on(search) == [ALIKE]
+
+
+def test_it_is_left_where_the_specimen_comes_to_disagree(
+    search: selection._Search, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def grown(other: selection._Search, fit: CheckedFit) -> CheckedFit:
+        other.disagrees = True
+        return fit_of(*fit.solved.terms, OFFSET, misfit=1.0)
+
+    monkeypatch.setattr(selection._Search, "grown", grown)
+    assert gone_on(search) == [ALIKE]
+    assert not search.disagrees
+
+
+@pytest.mark.parametrize(("misfit", "fixed", "promising"), [(1.04, 0, True), (1.6, 1, True), (1.6, 0, False)])
+def test_it_is_not_tried_where_nothing_is_missing_others_are_fixed_or_it_promises_nothing(
+    misfit: float, fixed: int, promising: bool, search: selection._Search, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(selection, "may_be_likelier", lambda fit, incumbent, partitions: promising)
+    search.fixed = fixed
+    assert gone_on(search, misfit) == [ALIKE]
+    assert search.tried == []
+
+
+def test_a_search_asks_for_other_forms_of_what_has_entered(
+    search: selection._Search, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    entered = trial(ALIKE, 100.0)
+    trials = [entered, trial(UNEVEN, 95.0), trial(OFFSET, 98.0)]
+    search.forms = []
+    monkeypatch.setattr(selection, "screen", lambda *given: [])
+    monkeypatch.setattr(selection, "form_error", lambda *given: SimpleNamespace(gain=0.0))
+    monkeypatch.setattr(selection, "trials_of", lambda *given: [trials])
+    monkeypatch.setattr(
+        selection._Search, "_first_to_enter", lambda *given: (trials, trials, (entered, fit_of(ALIKE, misfit=1.6)))
+    )
+    monkeypatch.setattr(selection, "of_few_numbers", lambda build, incumbent, entered, *rest: entered)
+    fit = search.one_more(fit_of())
+    assert fit is not None
+    assert [one.trial for one in search.forms] == [trials[1]]
+    assert [(rival.effect, rival.short) for rival in search.forms[0].rivals] == [(OFFSET.effect, 2.0)]
+    monkeypatch.setattr(selection._Search, "grown", lambda search, fit: fit)
+    monkeypatch.setattr(selection._Search, "fields_reconsidered", lambda search, chosen, fit: (chosen, fit))
+    asked = []
+
+    def with_other_forms(search: selection._Search, chosen: Any, fit: CheckedFit) -> tuple[Any, CheckedFit]:
+        asked.extend(search.forms)
+        return chosen, fit
+
+    monkeypatch.setattr(selection._Search, "with_other_forms", with_other_forms)
+    search.found(fit)
+    assert [one.trial for one in asked] == [trials[1]]
