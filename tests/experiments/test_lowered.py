@@ -52,3 +52,21 @@ def test_a_recording_of_which_some_contacts_were_wrong_is_not_right() -> None:
     hidden = {"name": "contact_drift", "listed": True, "details": {"electrodes": [1]}}
     truth = {"kind": "single", "effects": [hidden]}
     assert measured([Judged("c001", truth, {"verdict": "explained", "effects": claims})]) == (0, 1)
+
+
+def test_a_map_is_judged_as_its_claim_s_confidence_says_it() -> None:
+    point = [[float(k), float(k % 3)] for k in range(9)]
+    value = [0.0, 0.1, 0.2, 0.3, 0.4, 0.0, 0.0, 0.0, 0.0]
+    taxels = {"point_m": point, "value": value, "determined": [k < 5 for k in range(9)]}
+    true = [0.0, 0.1, 0.2, 0.3, 0.4, -3.0, 3.0, -3.0, 3.0]
+    hidden = {"name": "piezo_inhomogeneity", "listed": True, "details": {"map": true}}
+    said = {
+        "name": "piezo_inhomogeneity",
+        "confidence": 0.5,
+        "map": {"point_m": point, "value": value, "taxels": taxels},
+        "reasons": [{"rule": "map_known", "before": 1.0, "after": 0.5}],
+    }
+    for more, right in (({}, False), ({"confidence_everywhere": 0.1}, True)):
+        truth = {"kind": "single", "effects": [hidden], "point_m": point}
+        one = Judged("c000", truth, {"verdict": "explained", "effects": [said | more]})
+        assert lowered([one]) == {("map_known", "fields"): {right: [0], not right: []}}

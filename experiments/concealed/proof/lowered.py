@@ -2,14 +2,16 @@
 
 RESULTS are folders of opened samples. Of every rule among a claim's ``reasons`` that took something from its
 confidence: how many such claims were right and how many wrong, and in how many recordings, for fields, contacts that
-wander and others. Then, of what is measured rather than weighed (limits of a converter, contacts that move) and that no
-rule lowered: in how many recordings all of it was right, in how many not, which ``measured_confidence`` is set by.
+wander and others; a map is judged as the claim's confidence says it. Then, of what is measured rather than weighed
+(limits of a converter, contacts that move) and that no rule lowered: in how many recordings all of it was right, in how
+many not, which ``measured_confidence`` is set by.
 """
 
 from __future__ import annotations
 
 import sys
 from collections import defaultdict
+from dataclasses import replace
 from typing import Any
 
 from judged import Judged
@@ -26,7 +28,8 @@ def lowered(cases: list[Judged]) -> dict[tuple[str, str], dict[bool, list[int]]]
             for reason in claim.get("reasons") or []:
                 if reason["after"] != reason["before"]:
                     kind = KINDS.get(claim["name"], "others")
-                    found[reason["rule"], kind][case.is_right(claim)].append(number)
+                    asked = replace(case, where_known="confidence_everywhere" in claim)
+                    found[reason["rule"], kind][asked.is_right(claim)].append(number)
     return found
 
 

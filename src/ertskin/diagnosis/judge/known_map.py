@@ -104,7 +104,7 @@ def where_pressed(field: FieldMap, places: Places, side_m: float) -> FieldMap:
     apart_m = np.linalg.norm(field.point_m[:, None] - places.point_m, axis=-1).min(axis=1)
     determined = apart_m <= NEXT_TO_M
     found = replace(field, error=None, determined=determined, taxels=taxels)
-    return _judged(found, told_by(places, field.point_m, side_m))
+    return found if taxels is not None else _judged(found, told_by(places, field.point_m, side_m))
 
 
 def _judged(field: FieldMap, posteriors: Sequence[FieldPosterior]) -> FieldMap:

@@ -17,7 +17,7 @@ from ertskin.diagnosis.search.chosen import Rivals
 from ertskin.diagnosis.search.entering import AS_GOOD
 from ertskin.diagnosis.search.exchange import gain_of_exchange
 from ertskin.diagnosis.search.forms import law_of
-from ertskin.diagnosis.search.trials import Trial, worth_a_name
+from ertskin.diagnosis.search.trials import Trial
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,9 +44,9 @@ def other_forms(entered: Trial, trials: Sequence[Trial], rivals: Rivals, fixed: 
     return [OtherForm(trial, rivals, fixed) for trial in list(found.values())[1:]]
 
 
-def may_be_likelier(fit: CheckedFit, incumbent: CheckedFit, partitions: Sequence[Sequence[int]]) -> bool:
-    """Whether a fit with the likeliest candidate more is expected to be likelier than the incumbent."""
+def may_be_likelier(fit: CheckedFit, incumbent: CheckedFit, least: float, partitions: Sequence[Sequence[int]]) -> bool:
+    """Whether a fit with the likeliest candidate more is expected to be likelier than the incumbent by more than the
+    ``least``."""
     found = screen(fit.problem, fit.problem.at_hand(fit.solved), partitions)
-    expected = max((candidate.gain for candidate in found), default=0.0)
-    least = worth_a_name(incumbent.problem, incumbent.solved)
-    return gain_of_exchange(incumbent, fit) + max(expected, 0.0) > least
+    expected = max([0.0, *(candidate.gain for candidate in found)])
+    return gain_of_exchange(incumbent, fit) + expected > least

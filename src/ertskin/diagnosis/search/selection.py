@@ -278,15 +278,11 @@ class _Search:
         for form in forms:
             other = self._apart()
             begun = other._in_form(incumbent, form)
-            if begun is None or not may_be_likelier(begun, incumbent, self.partitions):
+            if begun is None or not may_be_likelier(begun, incumbent, least, self.partitions):
                 continue
-            others, reached = other.pruned(other.grown(begun))
-            gain = gain_of_exchange(incumbent, reached)
-            other.tried.append(Tried(tuple(term.name for term in reached.solved.terms), gain, True))
-            if gain > least and not reached.spoils(incumbent) and other.disagrees == self.disagrees:
-                self._go_on_as(other)
-                return others, reached
-            self._came_to_nothing(other)
+            followed = self._followed(other, begun, incumbent, least)
+            if followed is not None:
+                return followed
         return chosen, incumbent
 
     def _in_form(self, incumbent: CheckedFit, form: OtherForm) -> CheckedFit | None:
@@ -338,14 +334,24 @@ class _Search:
                 continue
             field_itself = Rival(field_term.effect, hidden[0].gain)
             other.stand[key_of(hidden[0].term)] = (*short_of(hidden[0], hidden), field_itself)
-            others, reached = other.pruned(other.grown(proposed))
-            gain = gain_of_exchange(incumbent, reached)
-            other.tried.append(Tried(tuple(term.name for term in reached.solved.terms), gain, True))
-            if gain > least and not reached.spoils(incumbent) and other.disagrees == self.disagrees:
-                self._go_on_as(other)
-                return others, reached
-            self._came_to_nothing(other)
+            followed = self._followed(other, proposed, incumbent, least)
+            if followed is not None:
+                return followed
         return chosen, incumbent
+
+    def _followed(
+        self, other: _Search, begun: CheckedFit, incumbent: CheckedFit, least: float
+    ) -> tuple[tuple[Chosen, ...], CheckedFit] | None:
+        """All that follows from where another search has begun, gone on with where that is likelier than the incumbent
+        by more than the ``least``; None where it comes to nothing."""
+        chosen, reached = other.pruned(other.grown(begun))
+        gain = gain_of_exchange(incumbent, reached)
+        other.tried.append(Tried(tuple(term.name for term in reached.solved.terms), gain, True))
+        if gain > least and not reached.spoils(incumbent) and other.disagrees == self.disagrees:
+            self._go_on_as(other)
+            return chosen, reached
+        self._came_to_nothing(other)
+        return None
 
     def _with_in_stead(self, incumbent: CheckedFit, number: int, entering: Term) -> CheckedFit | None:
         """The fit with a term in the stead of the one of this ``number``; None where it settles nowhere."""

@@ -80,9 +80,8 @@ def test_it_may_be_likelier_where_a_candidate_promises_it(
 ) -> None:
     # Alone the form is less likely by 300 than all that was found beside the other one, and 600 is worth a name.
     monkeypatch.setattr(module, "gain_of_exchange", lambda present, proposed: -300.0)
-    monkeypatch.setattr(module, "worth_a_name", lambda problem, solved: 600.0)
     monkeypatch.setattr(module, "screen", lambda *given: [SimpleNamespace(gain=expected), SimpleNamespace(gain=1.0)])
-    assert may_be_likelier(fit_of(UNEVEN), fit_of(ALIKE, OFFSET), []) is may
+    assert may_be_likelier(fit_of(UNEVEN), fit_of(ALIKE, OFFSET), 600.0, []) is may
 
 
 @pytest.fixture
@@ -92,7 +91,7 @@ def search(monkeypatch: pytest.MonkeyPatch) -> selection._Search:
     monkeypatch.setattr(selection, "refined", lambda build, fit, partitions, free: fit)
     monkeypatch.setattr(selection, "_reconsidered", lambda build, fit: fit)
     monkeypatch.setattr(selection, "worth_a_name", lambda problem, solved: 600.0)
-    monkeypatch.setattr(selection, "may_be_likelier", lambda fit, incumbent, partitions: True)
+    monkeypatch.setattr(selection, "may_be_likelier", lambda fit, incumbent, least, partitions: True)
     monkeypatch.setattr(selection._Search, "_without_drifts", lambda search, fit: fit)
     monkeypatch.setattr(selection._Search, "grown", lambda search, fit: fit_of(*fit.solved.terms, OFFSET, misfit=1.0))
     monkeypatch.setattr(selection._Search, "pruned", lambda search, fit: (tuple(fit.solved.terms), fit))
@@ -149,7 +148,7 @@ def test_it_is_left_where_the_specimen_comes_to_disagree(
 def test_it_is_not_tried_where_nothing_is_missing_others_are_fixed_or_it_promises_nothing(
     misfit: float, fixed: int, promising: bool, search: selection._Search, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(selection, "may_be_likelier", lambda fit, incumbent, partitions: promising)
+    monkeypatch.setattr(selection, "may_be_likelier", lambda fit, incumbent, least, partitions: promising)
     search.fixed = fixed
     assert gone_on(search, misfit) == [ALIKE]
     assert search.tried == []

@@ -63,6 +63,8 @@ def test_a_first_name_may_be_worth_less_where_little_is_missing(
 ) -> None:
     current = fit(*others, rms=rms)
     least = material_cost(NUMBERS, 0.5 * NUMBERS * rms**2, ratio)
+    if entering is HEAT and HEAT not in others:
+        assert worth_a_name(problem(None), current) == pytest.approx(least)
     assert is_worth_a_name(problem(None), current, entering, 1.01 * least)
     assert not is_worth_a_name(problem(None), current, entering, 0.99 * least)
 
