@@ -17,7 +17,7 @@ from ertskin.diagnosis.search.forms import form_of
 from ertskin.diagnosis.search.gain import freedom, gained
 from ertskin.diagnosis.search.smooth_fields import with_smooth_field
 from ertskin.physics.effects.effect import shown_by
-from ertskin.physics.effects.hypothesis import Need, Signal
+from ertskin.physics.effects.hypothesis import Axis, Need, Signal
 
 KNOWN = 0.05
 """Share within which a term of a name that is in the fit already gains as much as one of another name."""
@@ -106,9 +106,9 @@ def worth_a_name(problem: VoltageProblem, current: Solved) -> float:
 
 
 def worthy(problem: VoltageProblem, current: Solved, trials: Sequence[Trial]) -> list[Trial]:
-    """The trials that are worth a name; none that gains less than a field that isn't, which would stay unsaid."""
+    """The trials that are worth a name; none that gains less than one that isn't, which would stay unsaid."""
     worth = [trial for trial in trials if is_worth_a_name(problem, current, trial.term, trial.gain)]
-    unsaid = max((t.gain for t in trials if of_presses(t.term) and t not in worth), default=0.0)
+    unsaid = max((t.gain for t in trials if t not in worth), default=0.0)
     return [t for t in worth if t.gain >= unsaid or t.term.name == problem.evidence.seen_at_rest]
 
 
@@ -117,14 +117,15 @@ def is_worth_a_name(problem: VoltageProblem, current: Solved, term: Term, gain: 
     of what presses do is there to be mended."""
     if term.name == problem.evidence.seen_at_rest:
         return gain >= problem.evidence.criteria.significant_gain
-    first = all(other is term for other in current.terms) and not of_presses(term)
-    return gain >= _worth(problem, current, first)
+    alone = all(other is term for other in current.terms)
+    return gain >= _worth(problem, current, first=alone and not (of_presses(term) or drifts(term)))
 
 
 def _worth(problem: VoltageProblem, current: Solved, first: bool) -> float:
     """A ``first`` name needn't be quite material where scans of a network are missed by less than a mismatch: no form
     of another can be in error. Not so a field that presses alone show: one of a few places takes what any other cause
-    does to these."""
+    does to these. Nor what changes with time: so does coloured noise, of which a channel that warms explained 257 in
+    half chi-square (c036 of `twentyfifth48`)."""
     criteria, numbers, cost = problem.evidence.criteria, residual_count(problem), of_scans(current)
     material = material_cost(numbers, cost, criteria.material_ratio)
     if not first or rms_of(current) > criteria.mismatch_ratio:
@@ -136,6 +137,11 @@ def _worth(problem: VoltageProblem, current: Solved, first: bool) -> float:
 def of_presses(term: Term) -> bool:
     """Whether it is a field over the sheet that only presses show."""
     return term.effect.hypothesis.field and Need.PRESSES in term.effect.hypothesis.needs
+
+
+def drifts(term: Term) -> bool:
+    """Whether it changes with time."""
+    return Axis.TIME in term.effect.hypothesis.axes
 
 
 def _worth_trying(

@@ -14,10 +14,12 @@ from ertskin.diagnosis.fit.terms import Term
 from ertskin.diagnosis.search.trials import FIRST_SHARE, Trial, is_worth_a_name, material_cost, worth_a_name, worthy
 from ertskin.physics.effects.piezo_inhomogeneity import PiezoInhomogeneity
 from ertskin.physics.effects.self_heating import SelfHeating
+from ertskin.physics.effects.sheet_anisotropy import SheetAnisotropy
 from ertskin.physics.effects.temperature_drift import TemperatureDrift
 
 LESS = 1 + FIRST_SHARE * (DEFAULT.material_ratio - 1)
 FIELD = Term(PiezoInhomogeneity(), ("amplitude",))
+STRETCH = Term(SheetAnisotropy(stretch_x=0.05), ("stretch_x",))
 HEAT, DRIFT = Term(SelfHeating(crowded_rise=-0.01), ("crowded_rise",)), Term(TemperatureDrift(), ("rate_per_h",))
 
 
@@ -38,7 +40,7 @@ def fit(*terms: Term, rms: float = 1.0) -> Any:
 )
 def test_what_rest_frames_show_need_not_be_material(seen: str | None, term: Term, worth: bool) -> None:
     asked = problem(seen)
-    significant, material = DEFAULT.significant_gain, worth_a_name(asked, fit())
+    significant, material = DEFAULT.significant_gain, worth_a_name(asked, fit(DRIFT))
     assert material > 10 * significant
     assert is_worth_a_name(asked, fit(), term, material)
     assert is_worth_a_name(asked, fit(), term, 2 * significant) is worth
@@ -48,22 +50,32 @@ def test_what_rest_frames_show_need_not_be_material(seen: str | None, term: Term
 @pytest.mark.parametrize(
     ("others", "rms", "entering", "ratio"),
     [
-        ((), 1.0, HEAT, LESS),
-        ((HEAT,), 1.0, HEAT, LESS),
-        ((replace(HEAT),), 1.0, HEAT, DEFAULT.material_ratio),
-        ((DRIFT,), 1.0, HEAT, DEFAULT.material_ratio),
-        ((DRIFT, HEAT), 1.0, HEAT, DEFAULT.material_ratio),
-        ((), 1.1, HEAT, DEFAULT.material_ratio),
+        ((), 1.0, STRETCH, LESS),
+        ((STRETCH,), 1.0, STRETCH, LESS),
+        ((replace(STRETCH),), 1.0, STRETCH, DEFAULT.material_ratio),
+        ((DRIFT,), 1.0, STRETCH, DEFAULT.material_ratio),
+        ((DRIFT, STRETCH), 1.0, STRETCH, DEFAULT.material_ratio),
+        ((), 1.1, STRETCH, DEFAULT.material_ratio),
         ((), 1.0, FIELD, DEFAULT.material_ratio),
+        ((), 1.0, HEAT, DEFAULT.material_ratio),
     ],
-    ids=["first", "first, fitted", "second of a name", "second", "one of two", "much is missing", "a field of presses"],
+    ids=[
+        "first",
+        "first, fitted",
+        "second of a name",
+        "second",
+        "one of two",
+        "much is missing",
+        "a field of presses",
+        "a drift",
+    ],
 )
 def test_a_first_name_may_be_worth_less_where_little_is_missing(
     others: tuple[Term, ...], rms: float, entering: Term, ratio: float
 ) -> None:
     current = fit(*others, rms=rms)
     least = material_cost(NUMBERS, 0.5 * NUMBERS * rms**2, ratio)
-    if entering is HEAT and HEAT not in others:
+    if entering is STRETCH and STRETCH not in others:
         assert worth_a_name(problem(None), current) == pytest.approx(least)
     assert is_worth_a_name(problem(None), current, entering, 1.01 * least)
     assert not is_worth_a_name(problem(None), current, entering, 0.99 * least)
@@ -79,13 +91,16 @@ def test_a_first_name_asks_for_more_than_coloured_noise_makes_but_for_no_more_th
     assert worth_a_name(lenient, few) == DEFAULT.significant_gain  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize(("field_gain", "named"), [(500.0, True), (800.0, False)], ids=["gains less", "gains more"])
-def test_nothing_is_named_that_a_field_which_is_not_gains_more_than(field_gain: float, named: bool) -> None:
+@pytest.mark.parametrize("unsaid", [FIELD, HEAT], ids=["a field of presses", "a drift"])
+@pytest.mark.parametrize(("its_gain", "named"), [(500.0, True), (800.0, False)], ids=["gains less", "gains more"])
+def test_nothing_is_named_that_something_which_is_not_gains_more_than(
+    unsaid: Term, its_gain: float, named: bool
+) -> None:
     asked, material = problem("temperature_drift"), material_cost(NUMBERS, 0.5 * NUMBERS, DEFAULT.material_ratio)
-    assert field_gain < material
-    heat, drift, field = (
-        Trial(term, gain, fit()) for term, gain in ((HEAT, 1300.0 - field_gain), (DRIFT, 20.0), (FIELD, field_gain))
+    assert its_gain < material
+    stretch, drift, other = (
+        Trial(term, gain, fit()) for term, gain in ((STRETCH, 1300.0 - its_gain), (DRIFT, 20.0), (unsaid, its_gain))
     )
-    assert worthy(asked, fit(), [heat, field, drift]) == ([heat, drift] if named else [drift])
-    second = replace(heat, gain=1.1 * material)
-    assert worthy(asked, fit(DRIFT), [second, field]) == [second]
+    assert worthy(asked, fit(), [stretch, other, drift]) == ([stretch, drift] if named else [drift])
+    second = replace(stretch, gain=1.1 * material)
+    assert worthy(asked, fit(DRIFT), [second, other]) == [second]
