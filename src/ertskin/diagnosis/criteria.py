@@ -56,9 +56,9 @@ class Criteria:
         1.03,
         "rms over noise",
         "factor in the misfit that a term must be worth to get a name, however significant (a first one that "
-        "is no field of presses, where the misfit is no mismatch, a sixth of its excess over 1, and three times "
-        "significant_gain); the same for an effect of the foam or the specimen, contacts that wander or jitter, and an "
-        "excess that is worth a doubt",
+        "is no field of presses and doesn't drift, where the misfit is no mismatch, a sixth of its excess over 1, and "
+        "three times significant_gain); the same for an effect of the foam or the specimen, contacts that wander or "
+        "jitter, and an excess that is worth a doubt",
         f"{UNMEASURED}; far above what chance makes of any recording: it asked for 619 in half chi-square where chance "
         "gains 8.7",
         least=1,

@@ -16,7 +16,7 @@ from ertskin.diagnosis.search.chosen import Rivals
 from ertskin.diagnosis.search.exchange import gain_of_exchange
 from ertskin.diagnosis.search.settling import refined, where_it_settles
 from ertskin.diagnosis.search.smooth_fields import with_smooth_field
-from ertskin.diagnosis.search.trials import KNOWN, Trial, unlikely
+from ertskin.diagnosis.search.trials import KNOWN, Trial, is_worth_a_name, unlikely
 from ertskin.physics.effects.effect import shown_by
 from ertskin.physics.effects.hypothesis import Signal
 
@@ -114,17 +114,24 @@ def of_another_property(
     `twentyfourth48`).
     """
     field, field_fit = entered
-    others = {t.term.name: t for t in reversed(trials) if t.term.modes is not None and t.gain >= AS_GOOD * field.gain}
-    others.pop(field.term.name, None)
-    if field.term.modes is None or not others:
+    other = next((trial for trial in trials if _may_be_in_its_place(incumbent, field, trial)), None)
+    fit = None if other is None else _where_it_holds(build, incumbent, other, partitions)
+    if other is None or fit is None:
         return entered
-    cost = field_cost = _foretelling(field_fit, partitions)
-    found = entered
-    for trial in others.values():
-        fit = _where_it_holds(build, incumbent, trial, partitions)
-        if fit is not None and (its_cost := _foretelling(fit, partitions)) < cost:
-            cost, found = its_cost, (replace(trial, gain=field.gain + field_cost - its_cost), fit)
-    return found if field_cost - cost > incumbent.problem.evidence.criteria.significant_gain else entered
+    likelier = _foretelling(field_fit, partitions) - _foretelling(fit, partitions)
+    if likelier <= incumbent.problem.evidence.criteria.significant_gain:
+        return entered
+    return replace(other, gain=field.gain + likelier), fit
+
+
+def _may_be_in_its_place(incumbent: CheckedFit, field: Trial, trial: Trial) -> bool:
+    """Whether a trial is a smooth field of another property than the first, gained nearly as much, and would be worth a
+    name if it took what that gains."""
+    if field.term.modes is None or trial.term.modes is None or trial.term.name == field.term.name:
+        return False
+    if not AS_GOOD * field.gain <= trial.gain <= field.gain:
+        return False
+    return is_worth_a_name(incumbent.problem, incumbent.solved, trial.term, field.gain)
 
 
 def of_few_numbers(
@@ -154,7 +161,7 @@ def of_few_numbers(
         varies = trial.term.effect.hypothesis.field
         if trial.term.modes is not None or trial.term.name == field.term.name or (varies and not smooth):
             continue
-        if trial.gain < least:
+        if trial.gain < least or not is_worth_a_name(incumbent.problem, incumbent.solved, trial.term, field.gain):
             continue
         simpler = where_it_settles(build, None, trial.solved)
         if simpler is None or simpler.spoils(incumbent):

@@ -243,7 +243,7 @@ class _Search:
         trials, fitted = list[Trial](), list[Trial]()
         for fitted in lists:
             trials += fitted
-            named = worthy(incumbent.problem, incumbent.solved, fitted)
+            named = worthy(incumbent.problem, incumbent.solved, fitted, trials)
             if named and not _holds_likely(fitted, wanted, incumbent.problem.evidence.criteria):
                 break
             entered = first_to_hold(self.build, incumbent, named, self.partitions)

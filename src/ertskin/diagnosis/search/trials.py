@@ -105,27 +105,31 @@ def worth_a_name(problem: VoltageProblem, current: Solved) -> float:
     return _worth(problem, current, first=not current.terms)
 
 
-def worthy(problem: VoltageProblem, current: Solved, trials: Sequence[Trial]) -> list[Trial]:
-    """The trials that are worth a name; none that gains less than one that isn't, which would stay unsaid."""
-    worth = [trial for trial in trials if is_worth_a_name(problem, current, trial.term, trial.gain)]
-    unsaid = max((t.gain for t in trials if t not in worth), default=0.0)
-    return [t for t in worth if t.gain >= unsaid or t.term.name == problem.evidence.seen_at_rest]
+def worthy(problem: VoltageProblem, current: Solved, trials: Sequence[Trial], asked: Sequence[Trial]) -> list[Trial]:
+    """The trials that are worth a name; none that gains less than one ``asked`` that isn't, which would stay unsaid."""
+
+    def worth(trial: Trial) -> bool:
+        return is_worth_a_name(problem, current, trial.term, trial.gain)
+
+    unsaid = max((trial.gain for trial in asked if not worth(trial)), default=0.0)
+    at_rest = problem.evidence.seen_at_rest
+    return [t for t in trials if worth(t) and (t.gain >= unsaid or t.term.name == at_rest)]
 
 
 def is_worth_a_name(problem: VoltageProblem, current: Solved, term: Term, gain: float) -> bool:
     """Whether a term gains what it must. What rest frames show by themselves needn't be material: no error in the form
-    of what presses do is there to be mended."""
+    of what presses do is there to be mended. A field that presses alone show, or what drifts, must always be: one of a
+    few places takes what any other cause does to these, and coloured noise drifts. A channel that warms explained 257
+    in half chi-square of such noise (c036 of `twentyfifth48`)."""
     if term.name == problem.evidence.seen_at_rest:
         return gain >= problem.evidence.criteria.significant_gain
     alone = all(other is term for other in current.terms)
-    return gain >= _worth(problem, current, first=alone and not (of_presses(term) or drifts(term)))
+    return gain >= _worth(problem, current, first=alone and not (of_presses(term) or may_drift(term)))
 
 
 def _worth(problem: VoltageProblem, current: Solved, first: bool) -> float:
     """A ``first`` name needn't be quite material where scans of a network are missed by less than a mismatch: no form
-    of another can be in error. Not so a field that presses alone show: one of a few places takes what any other cause
-    does to these. Nor what changes with time: so does coloured noise, of which a channel that warms explained 257 in
-    half chi-square (c036 of `twentyfifth48`)."""
+    of another can be in error."""
     criteria, numbers, cost = problem.evidence.criteria, residual_count(problem), of_scans(current)
     material = material_cost(numbers, cost, criteria.material_ratio)
     if not first or rms_of(current) > criteria.mismatch_ratio:
@@ -139,9 +143,10 @@ def of_presses(term: Term) -> bool:
     return term.effect.hypothesis.field and Need.PRESSES in term.effect.hypothesis.needs
 
 
-def drifts(term: Term) -> bool:
-    """Whether it changes with time."""
-    return Axis.TIME in term.effect.hypothesis.axes
+def may_drift(term: Term) -> bool:
+    """Whether it, or a freer form of it, changes with time whatever presses do."""
+    axes = term.effect.hypothesis.axes
+    return Axis.TIME in axes and Axis.HISTORY not in axes
 
 
 def _worth_trying(

@@ -93,7 +93,7 @@ def searching(monkeypatch: pytest.MonkeyPatch, found: list[Any], beyond: list[An
     monkeypatch.setattr(selection, "screen", lambda *given: [])
     monkeypatch.setattr(selection, "form_error", lambda *given: SimpleNamespace(gain=0.0))
     monkeypatch.setattr(selection, "worth_a_name", lambda *given: 1.0)
-    monkeypatch.setattr(selection, "worthy", lambda problem, current, fitted: list(fitted))
+    monkeypatch.setattr(selection, "worthy", lambda problem, current, fitted, asked: list(fitted))
     monkeypatch.setattr(selection, "trials_of", lambda *given: [list(found), list(beyond)])
     monkeypatch.setattr(selection, "_as_tried", lambda one, kept: one.solved)
     monkeypatch.setattr(selection, "exchanged", lambda *given: None)
@@ -119,6 +119,19 @@ def test_nothing_is_settled_where_nothing_likely_is_wanted(
     assert search.one_more(fit, lambda one: one.solved == "far") is None
     assert settled == expected
     assert search.tried == ["wild", "far"]
+
+
+def test_what_earlier_lists_left_unsaid_counts_for_later_ones(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[list[Any]] = []
+
+    def worthy(problem: Any, current: Any, fitted: Any, trials: Any) -> list[Any]:
+        asked.append([one.solved for one in trials])
+        return []
+
+    search, fit, _ = searching(monkeypatch, [trial("wild", "one", 50.0)], [trial("far", "other", 40.0)])
+    monkeypatch.setattr(selection, "worthy", worthy)
+    assert search.one_more(fit) is None
+    assert asked == [["wild"], ["wild", "far"]]
 
 
 def test_nothing_is_foretold_better_than_it_is_fitted() -> None:

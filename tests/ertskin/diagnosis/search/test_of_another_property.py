@@ -8,6 +8,7 @@ from small_problem import PARTITIONS, START, recorded
 from ertskin.diagnosis.fit.full_solution_check import CheckedFit, checked_fit
 from ertskin.diagnosis.fit.joint_fit import VoltageProblem
 from ertskin.diagnosis.fit.terms import Term
+from ertskin.diagnosis.search import entering
 from ertskin.diagnosis.search.entering import of_another_property
 from ertskin.diagnosis.search.smooth_fields import with_smooth_field
 from ertskin.diagnosis.search.trials import Trial
@@ -42,11 +43,24 @@ def test_the_property_that_foretells_cells_takes_the_other_s_place(first: str) -
     assert (found.gain > entered[0].gain) is (FABRIC.name != first)
 
 
-def test_a_field_that_gains_less_or_has_few_numbers_is_not_asked() -> None:
+def test_none_takes_it_where_it_spoils_or_is_not_worth_a_name(monkeypatch: pytest.MonkeyPatch) -> None:
+    problem, incumbent, trials = fields()
+    entered = trials[SHEET.name], checked_fit(problem, trials[SHEET.name].solved)
+    given = (lambda solved: problem, incumbent, entered, list(trials.values()), PARTITIONS)
+    assert of_another_property(*given) is not entered
+    with monkeypatch.context() as without:
+        without.setattr(entering, "is_worth_a_name", lambda problem, current, term, gain: False)
+        assert of_another_property(*given) is entered
+    monkeypatch.setattr(entering, "_where_it_holds", lambda *given: None)
+    assert of_another_property(*given) is entered
+
+
+def test_a_field_that_gains_less_or_more_or_has_few_numbers_is_not_asked() -> None:
     problem, incumbent, trials = fields()
     entered = trials[SHEET.name], checked_fit(problem, trials[SHEET.name].solved)
     little = Trial(trials[FABRIC.name].term, 5e3, trials[FABRIC.name].solved)
+    more = Trial(trials[FABRIC.name].term, 1.1e4, trials[FABRIC.name].solved)
     few = Trial(Term(FABRIC, ("amplitude",)), 1e4, trials[FABRIC.name].solved)
-    for other in (little, few):
+    for other in (little, more, few):
         found = of_another_property(lambda solved: problem, incumbent, entered, [entered[0], other], PARTITIONS)
         assert found is entered

@@ -12,6 +12,8 @@ import pytest
 from ertskin.diagnosis.criteria import DEFAULT
 from ertskin.diagnosis.fit.terms import Term
 from ertskin.diagnosis.search.trials import FIRST_SHARE, Trial, is_worth_a_name, material_cost, worth_a_name, worthy
+from ertskin.physics.effects.channel_gain import ChannelGain
+from ertskin.physics.effects.piezo_creep import PiezoCreep
 from ertskin.physics.effects.piezo_inhomogeneity import PiezoInhomogeneity
 from ertskin.physics.effects.self_heating import SelfHeating
 from ertskin.physics.effects.sheet_anisotropy import SheetAnisotropy
@@ -20,6 +22,7 @@ from ertskin.physics.effects.temperature_drift import TemperatureDrift
 LESS = 1 + FIRST_SHARE * (DEFAULT.material_ratio - 1)
 FIELD = Term(PiezoInhomogeneity(), ("amplitude",))
 STRETCH = Term(SheetAnisotropy(stretch_x=0.05), ("stretch_x",))
+GAIN, CREEP = Term(ChannelGain(gain=0.01), ("gain",)), Term(PiezoCreep(fraction=0.1), ("fraction",))
 HEAT, DRIFT = Term(SelfHeating(crowded_rise=-0.01), ("crowded_rise",)), Term(TemperatureDrift(), ("rate_per_h",))
 
 
@@ -58,6 +61,8 @@ def test_what_rest_frames_show_need_not_be_material(seen: str | None, term: Term
         ((), 1.1, STRETCH, DEFAULT.material_ratio),
         ((), 1.0, FIELD, DEFAULT.material_ratio),
         ((), 1.0, HEAT, DEFAULT.material_ratio),
+        ((), 1.0, GAIN, DEFAULT.material_ratio),
+        ((), 1.0, CREEP, LESS),
     ],
     ids=[
         "first",
@@ -67,7 +72,9 @@ def test_what_rest_frames_show_need_not_be_material(seen: str | None, term: Term
         "one of two",
         "much is missing",
         "a field of presses",
-        "a drift",
+        "warms",
+        "may warm",
+        "follows presses",
     ],
 )
 def test_a_first_name_may_be_worth_less_where_little_is_missing(
@@ -91,16 +98,18 @@ def test_a_first_name_asks_for_more_than_coloured_noise_makes_but_for_no_more_th
     assert worth_a_name(lenient, few) == DEFAULT.significant_gain  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize("unsaid", [FIELD, HEAT], ids=["a field of presses", "a drift"])
+@pytest.mark.parametrize("unsaid", [FIELD, GAIN], ids=["a field of presses", "what may drift"])
 @pytest.mark.parametrize(("its_gain", "named"), [(500.0, True), (800.0, False)], ids=["gains less", "gains more"])
+@pytest.mark.parametrize("earlier", [True, False], ids=["asked before", "asked with it"])
 def test_nothing_is_named_that_something_which_is_not_gains_more_than(
-    unsaid: Term, its_gain: float, named: bool
+    unsaid: Term, its_gain: float, named: bool, earlier: bool
 ) -> None:
     asked, material = problem("temperature_drift"), material_cost(NUMBERS, 0.5 * NUMBERS, DEFAULT.material_ratio)
     assert its_gain < material
     stretch, drift, other = (
         Trial(term, gain, fit()) for term, gain in ((STRETCH, 1300.0 - its_gain), (DRIFT, 20.0), (unsaid, its_gain))
     )
-    assert worthy(asked, fit(), [stretch, other, drift]) == ([stretch, drift] if named else [drift])
+    fitted = [stretch, drift] if earlier else [stretch, other, drift]
+    assert worthy(asked, fit(), fitted, [stretch, other, drift]) == ([stretch, drift] if named else [drift])
     second = replace(stretch, gain=1.1 * material)
-    assert worthy(asked, fit(DRIFT), [second, other]) == [second]
+    assert worthy(asked, fit(DRIFT), [second, other], [second, other]) == [second]
