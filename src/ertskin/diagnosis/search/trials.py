@@ -144,9 +144,9 @@ def of_presses(term: Term) -> bool:
 
 
 def may_drift(term: Term) -> bool:
-    """Whether it, or a freer form of it, changes with time whatever presses do."""
-    axes = term.effect.hypothesis.axes
-    return Axis.TIME in axes and Axis.HISTORY not in axes
+    """Whether it, or a freer form of it, changes with time as noise may: whatever presses and the scan do."""
+    axes = set(term.effect.hypothesis.axes)
+    return Axis.TIME in axes and axes <= {Axis.TIME, Axis.ELECTRODE}
 
 
 def _worth_trying(
