@@ -46,7 +46,8 @@ def first_to_hold(
     """The first trial that, settled, fits frames solved in full no worse than the incumbent, and where it settles.
 
     Of forms of one name that gain about as much the best where they settle, with the first one's gain: what a fit in
-    the skin linearised elsewhere gains doesn't tell between them.
+    the skin linearised elsewhere gains doesn't tell between them. Of smooth fields of two properties that do the one
+    with which cells held out are foretold better, significantly, by whole fits.
     """
     left = list(trials)
     while left:
@@ -58,8 +59,25 @@ def first_to_hold(
         held = [(form, fit) for form, fit in places if fit is not None]
         if held:
             form, fit = _best_form(incumbent, held, partitions)
+            other = next((trial for trial in left if _of_another_property(form, trial, first.gain)), None)
+            other_fit = None if other is None else _where_it_holds(build, incumbent, other, partitions)
+            if other is not None and other_fit is not None:
+                likelier = _foretelling(fit, partitions) - _foretelling(other_fit, partitions)
+                if likelier > incumbent.problem.evidence.criteria.significant_gain:
+                    return replace(other, gain=first.gain + likelier), other_fit
             return replace(form, gain=first.gain), fit
     return None
+
+
+def _of_another_property(field: Trial, trial: Trial, gain: float) -> bool:
+    """Whether a field that gains so much and a trial are smooth fields of two properties that gain nearly alike.
+
+    Modes enough follow the presses at hand whichever property varies: hills of sensitivity as a sheet that varies
+    fitted them to 1.03 of the noise and missed others by 1.35, as themselves by 1.08 and 1.10 (c029 of
+    `twentyfourth48`).
+    """
+    smooth = field.term.modes is not None and trial.term.modes is not None
+    return smooth and trial.term.name != field.term.name and trial.gain >= AS_GOOD * gain
 
 
 def _where_it_holds(
@@ -97,41 +115,6 @@ def _best_form(
 def _foretelling(fit: CheckedFit, partitions: Sequence[Sequence[int]]) -> float:
     """How unlikely cells held out are by whole fits of the others."""
     return log_misfit(refitted(fit.problem, fit.solved, partitions), numbers_of(fit.problem, partitions))
-
-
-def of_another_property(
-    build: Problem,
-    incumbent: CheckedFit,
-    entered: tuple[Trial, CheckedFit],
-    trials: Sequence[Trial],
-    partitions: Sequence[Sequence[int]],
-) -> tuple[Trial, CheckedFit]:
-    """A smooth field of another property in place of the one that ``entered``, where it gained nearly as much and cells
-    held out are foretold better by whole fits with it, and significantly.
-
-    Modes enough follow the presses at hand whichever property varies: hills of sensitivity as a sheet that varies
-    fitted them to 1.03 of the noise and missed others by 1.35, as themselves by 1.08 and 1.10 (c029 of
-    `twentyfourth48`).
-    """
-    field, field_fit = entered
-    other = next((trial for trial in trials if _may_be_in_its_place(incumbent, field, trial)), None)
-    fit = None if other is None else _where_it_holds(build, incumbent, other, partitions)
-    if other is None or fit is None:
-        return entered
-    likelier = _foretelling(field_fit, partitions) - _foretelling(fit, partitions)
-    if likelier <= incumbent.problem.evidence.criteria.significant_gain:
-        return entered
-    return replace(other, gain=field.gain + likelier), fit
-
-
-def _may_be_in_its_place(incumbent: CheckedFit, field: Trial, trial: Trial) -> bool:
-    """Whether a trial is a smooth field of another property than the first, gained nearly as much, and would be worth a
-    name if it took what that gains."""
-    if field.term.modes is None or trial.term.modes is None or trial.term.name == field.term.name:
-        return False
-    if not AS_GOOD * field.gain <= trial.gain <= field.gain:
-        return False
-    return is_worth_a_name(incumbent.problem, incumbent.solved, trial.term, field.gain)
 
 
 def of_few_numbers(

@@ -20,14 +20,7 @@ from ertskin.diagnosis.search.behind_fields import behind_field, smooth_fields_o
 from ertskin.diagnosis.search.candidates import screen
 from ertskin.diagnosis.search.chosen import Chosen, Rivals, Selection, carried, key_of
 from ertskin.diagnosis.search.contact_paths import as_good_at_rest, without_paths
-from ertskin.diagnosis.search.entering import (
-    first_to_hold,
-    likely,
-    of_another_property,
-    of_few_numbers,
-    promises,
-    short_of,
-)
+from ertskin.diagnosis.search.entering import first_to_hold, likely, of_few_numbers, promises, short_of
 from ertskin.diagnosis.search.exchange import exchanged, gain_of_exchange
 from ertskin.diagnosis.search.form_error import form_error
 from ertskin.diagnosis.search.other_forms import OtherForm, may_be_likelier, other_forms
@@ -216,7 +209,6 @@ class _Search:
             self.tried += [_as_tried(trial, False) for trial in trials]
             return None
         if entered is not None:
-            entered = of_another_property(self.build, incumbent, entered, last, self.partitions)
             entered = of_few_numbers(self.build, incumbent, entered, last, self.partitions)
         self.tried += [_as_tried(t, entered is not None and t.term == entered[0].term) for t in trials]
         if left >= least:

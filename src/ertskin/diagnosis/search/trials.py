@@ -106,21 +106,19 @@ def worth_a_name(problem: VoltageProblem, current: Solved) -> float:
 
 
 def worthy(problem: VoltageProblem, current: Solved, trials: Sequence[Trial], asked: Sequence[Trial]) -> list[Trial]:
-    """The trials that are worth a name; none that gains less than one ``asked`` that isn't, which would stay unsaid."""
-
-    def worth(trial: Trial) -> bool:
-        return is_worth_a_name(problem, current, trial.term, trial.gain)
-
-    unsaid = max((trial.gain for trial in asked if not worth(trial)), default=0.0)
+    """Those of the trials ``asked`` so far that are worth a name; none that gains less than one asked that isn't, which
+    would stay unsaid."""
+    worth = [trial for trial in asked if is_worth_a_name(problem, current, trial.term, trial.gain)]
+    unsaid = max((trial.gain for trial in asked if trial not in worth), default=0.0)
     at_rest = problem.evidence.seen_at_rest
-    return [t for t in trials if worth(t) and (t.gain >= unsaid or t.term.name == at_rest)]
+    return [t for t in trials if t in worth and (t.gain >= unsaid or t.term.name == at_rest)]
 
 
 def is_worth_a_name(problem: VoltageProblem, current: Solved, term: Term, gain: float) -> bool:
     """Whether a term gains what it must. What rest frames show by themselves needn't be material: no error in the form
-    of what presses do is there to be mended. A field that presses alone show, or what drifts, must always be: one of a
-    few places takes what any other cause does to these, and coloured noise drifts. A channel that warms explained 257
-    in half chi-square of such noise (c036 of `twentyfifth48`)."""
+    of what presses do is there to be mended. A field that presses alone show must always be, for one of a few places
+    takes what any other cause does to these, and what may drift, for coloured noise does: a channel that warms
+    explained 257 in half chi-square of it (c036 of `twentyfifth48`)."""
     if term.name == problem.evidence.seen_at_rest:
         return gain >= problem.evidence.criteria.significant_gain
     alone = all(other is term for other in current.terms)
