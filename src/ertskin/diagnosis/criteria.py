@@ -101,8 +101,9 @@ class Criteria:
     chance_ratio: float = criterion(
         1.02,
         "ratio of rms misfits",
-        "factor by which the misfit of a few frames may grow by chance: a term whose frames, solved in full, fit worse "
-        "doesn't hold; a coupon's effect is needed where later cycles are predicted worse without it",
+        "factor by which the misfit of a few frames, or of cells held out, may grow by chance: a term whose frames, "
+        "solved in full, fit worse doesn't hold, nor does what follows a search begun anew where cells held out are "
+        "foretold worse; a coupon's effect is needed where later cycles are predicted worse without it",
         f"{UNMEASURED}; half of the mismatch ratio's excess",
         least=1,
     )
@@ -138,7 +139,8 @@ class Criteria:
         "share of a square misfit",
         "what explains more of a misfit than this explains most of it: presses that differ, a displaced pad at rest, a "
         "term that is kept however badly cells predict one another with it; what explains less of what presses change "
-        "leaves that unexplained; what gains less of the best candidate's gain takes no field's place",
+        "leaves that unexplained; what gains less of the best candidate's gain takes no field's place, and of an "
+        "instrument's gain no name where that one doesn't hold",
         f"{UNMEASURED}; more than half",
         above=0,
         most=1,

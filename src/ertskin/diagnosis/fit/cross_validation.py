@@ -48,6 +48,11 @@ def refitted(problem: VoltageProblem, solved: Solved, partitions: Sequence[Seque
     return np.array([_cost_of(problem, solved, np.isin(problem.cells, out)) for out in partitions])
 
 
+def log_misfit_held_out(problem: VoltageProblem, solved: Solved, partitions: Sequence[Sequence[int]]) -> float:
+    """``log_misfit`` of cells each held out and predicted by a whole fit to the others."""
+    return log_misfit(refitted(problem, solved, partitions), numbers_of(problem, partitions))
+
+
 def _cost_of(problem: VoltageProblem, solved: Solved, out: NDArray[np.bool_]) -> float:
     inside = replace(problem, weight=np.where(out, 0.0, problem.weight))
     fit = inside.solve(solved.terms, solved.calibration, steps=STEPS)

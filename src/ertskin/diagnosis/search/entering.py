@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from ertskin.diagnosis.contract.claims import Rival
 from ertskin.diagnosis.criteria import Criteria
-from ertskin.diagnosis.fit.cross_validation import log_misfit, numbers_of, refitted
+from ertskin.diagnosis.fit.cross_validation import log_misfit_held_out
 from ertskin.diagnosis.fit.full_solution_check import CheckedFit, Problem
 from ertskin.diagnosis.fit.solved import Solved
 from ertskin.diagnosis.fit.terms import Term
@@ -113,8 +113,7 @@ def _best_form(
 
 
 def _foretelling(fit: CheckedFit, partitions: Sequence[Sequence[int]]) -> float:
-    """How unlikely cells held out are by whole fits of the others."""
-    return log_misfit(refitted(fit.problem, fit.solved, partitions), numbers_of(fit.problem, partitions))
+    return log_misfit_held_out(fit.problem, fit.solved, partitions)
 
 
 def of_few_numbers(

@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ertskin.diagnosis.fit.cross_validation import log_misfit, numbers_of, refitted
+from ertskin.diagnosis.fit.cross_validation import log_misfit_held_out, numbers_of
 from ertskin.diagnosis.fit.full_solution_check import CheckedFit, Problem, checked_fit
 from ertskin.diagnosis.fit.joint_fit import VoltageProblem
 from ertskin.diagnosis.fit.solved import Solved
@@ -80,9 +80,9 @@ def part_missed(field: CheckedFit, without: CheckedFit, partitions: Sequence[Seq
     """By what cells held out are missed with a field (rms, noise taken off), over that without it."""
 
     def missed(fit: CheckedFit) -> float:
-        numbers = numbers_of(fit.problem, partitions)
-        unlikelihood = log_misfit(refitted(fit.problem, fit.solved, partitions), numbers)
-        return float(np.sqrt(max(np.exp(2 * unlikelihood / numbers.sum()) - 1.0, 0.0)))
+        numbers = numbers_of(fit.problem, partitions).sum()
+        unlikelihood = log_misfit_held_out(fit.problem, fit.solved, partitions)
+        return float(np.sqrt(max(np.exp(2 * unlikelihood / numbers) - 1.0, 0.0)))
 
     return missed(field) / max(missed(without), 1e-12)
 

@@ -114,6 +114,30 @@ def worthy(problem: VoltageProblem, current: Solved, trials: Sequence[Trial], as
     return [t for t in trials if t in worth and (t.gain >= unsaid or t.term.name == at_rest)]
 
 
+def instrument_worth_a_name(problem: VoltageProblem, current: Solved, asked: Sequence[Trial]) -> Trial | None:
+    """The likeliest of the trials ``asked`` so far that is of the instrument, worth a name and of a new one."""
+    known = {term.name for term in current.terms}
+    new = [t for t in asked if _of_instrument(t.term) and t.term.name not in known]
+    worth = [t for t in new if is_worth_a_name(problem, current, t.term, t.gain)]
+    return max(worth, key=lambda trial: trial.gain, default=None)
+
+
+def beside_an_instrument(problem: VoltageProblem, trials: Sequence[Trial], instrument: Trial | None) -> list[Trial]:
+    """The trials without those of other names that gain less than half of what one of the instrument does, unless rest
+    frames show them.
+
+    If that one doesn't hold, its form is none that is known, and another name that gains a part as much mends the form.
+    Nearly all of its gain is what no network explains, so this keeps all names of the network's from where the
+    instrument's form is far off, whatever they explain: common mode was a converter's limit, a field of the sheet and
+    more after it, for twelve minutes (c013 of `twentysixth48`; c039 of `third48`).
+    """
+    if instrument is None:
+        return list(trials)
+    least = problem.evidence.criteria.most_share * instrument.gain
+    may = instrument.term.name, problem.evidence.seen_at_rest
+    return [trial for trial in trials if trial.gain >= least or trial.term.name in may]
+
+
 def is_worth_a_name(problem: VoltageProblem, current: Solved, term: Term, gain: float) -> bool:
     """Whether a term gains what it must. What rest frames show by themselves needn't be material: no error in the form
     of what presses do is there to be mended. A field that presses alone show must always be, for one of a few places

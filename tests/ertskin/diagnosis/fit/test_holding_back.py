@@ -26,7 +26,7 @@ from ertskin.physics.effects.indenter_offset import IndenterOffset
 from ertskin.physics.effects.piezo_hysteresis import PiezoHysteresis
 from ertskin.physics.effects.piezo_inhomogeneity import PiezoInhomogeneity
 
-PROBLEM: Any = SimpleNamespace(evidence=SimpleNamespace(criteria=DEFAULT))
+PROBLEM: Any = SimpleNamespace(evidence=SimpleNamespace(criteria=DEFAULT, seen_at_rest=None))
 """All that is asked of the problem of a fit that has settled."""
 
 
@@ -94,6 +94,7 @@ def searching(monkeypatch: pytest.MonkeyPatch, found: list[Any], beyond: list[An
     monkeypatch.setattr(selection, "form_error", lambda *given: SimpleNamespace(gain=0.0))
     monkeypatch.setattr(selection, "worth_a_name", lambda *given: 1.0)
     monkeypatch.setattr(selection, "worthy", lambda problem, current, fitted, asked: list(fitted))
+    monkeypatch.setattr(selection, "instrument_worth_a_name", lambda *given: None)
     monkeypatch.setattr(selection, "trials_of", lambda *given: [list(found), list(beyond)])
     monkeypatch.setattr(selection, "_as_tried", lambda one, kept: one.solved)
     monkeypatch.setattr(selection, "exchanged", lambda *given: None)
@@ -132,6 +133,24 @@ def test_what_earlier_lists_left_unsaid_counts_for_later_ones(monkeypatch: pytes
     monkeypatch.setattr(selection, "worthy", worthy)
     assert search.one_more(fit) is None
     assert asked == [["wild"], ["wild", "far"]]
+
+
+@pytest.mark.parametrize("holds_none", [True, False], ids=["of an instrument", "of none"])
+def test_beside_an_instrument_that_does_not_hold_less_likely_names_and_places_rest(
+    holds_none: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    found, later = trial("wild", "crosstalk", 50.0), trial("far", "other", 20.0)
+    search, fit, settled = searching(monkeypatch, [found], [later])
+    told: list[Any] = []
+    monkeypatch.setattr(selection, "instrument_worth_a_name", lambda *given: found if holds_none else None)
+    monkeypatch.setattr(selection, "told_by_place", lambda build, incumbent: told.append(incumbent))
+    assert search.one_more(fit) is None
+    assert settled == (["wild"] if holds_none else ["wild", "far"])
+    assert told == ([] if holds_none else [fit])
+    # What nobody wants is left at that, whatever the instrument gains.
+    settled.clear()
+    assert search.one_more(fit, lambda one: one.solved == "wild") is None
+    assert settled == ["wild"]
 
 
 def test_nothing_is_foretold_better_than_it_is_fitted() -> None:

@@ -11,7 +11,17 @@ import pytest
 
 from ertskin.diagnosis.criteria import DEFAULT
 from ertskin.diagnosis.fit.terms import Term
-from ertskin.diagnosis.search.trials import FIRST_SHARE, Trial, is_worth_a_name, material_cost, worth_a_name, worthy
+from ertskin.diagnosis.search.trials import (
+    FIRST_SHARE,
+    Trial,
+    beside_an_instrument,
+    instrument_worth_a_name,
+    is_worth_a_name,
+    material_cost,
+    worth_a_name,
+    worthy,
+)
+from ertskin.physics.effects.adc_saturation import AdcSaturation
 from ertskin.physics.effects.channel_gain import ChannelGain
 from ertskin.physics.effects.piezo_creep import PiezoCreep
 from ertskin.physics.effects.piezo_inhomogeneity import PiezoInhomogeneity
@@ -115,3 +125,31 @@ def test_nothing_is_named_that_something_which_is_not_gains_more_than(
     assert worthy(asked, fit(), fitted, [stretch, other, drift]) == ([stretch, drift] if named else [drift])
     second = replace(stretch, gain=1.1 * material)
     assert worthy(asked, fit(DRIFT), [second, other], [second, other]) == [second]
+
+
+LIMIT = Term(AdcSaturation(), ("level_v",))
+
+
+def trial(term: Term, gain: float) -> Trial:
+    return Trial(term, gain, fit())
+
+
+@pytest.mark.parametrize(("share", "named"), [(0.49, False), (0.51, True)])
+@pytest.mark.parametrize("other", [STRETCH, FIELD, LIMIT], ids=["the network's", "a field", "the instrument's"])
+def test_what_gains_a_part_of_an_instruments_gain_mends_its_form(share: float, named: bool, other: Term) -> None:
+    asked, much = problem("temperature_drift"), 1e6
+    found = [trial(GAIN, much), trial(replace(GAIN), 0.1 * much), trial(other, share * much), trial(DRIFT, 20.0)]
+    instrument = instrument_worth_a_name(asked, fit(), found)
+    assert instrument is found[0]
+    # Its own other form may hold; rest frames show the drift.
+    assert beside_an_instrument(asked, found, instrument) == [t for t in found if named or t.term is not other]
+
+
+def test_without_an_instrument_all_may_be_named() -> None:
+    asked, much = problem(None), 1e6
+    # A name that is in the fit already, one that isn't worth saying, and none of the instrument's.
+    for current, term, gain in ((fit(GAIN), replace(GAIN), much), (fit(), GAIN, 10.0), (fit(), FIELD, much)):
+        found = [trial(term, gain), trial(STRETCH, 0.1 * gain)]
+        instrument = instrument_worth_a_name(asked, current, found)
+        assert instrument is None
+        assert beside_an_instrument(asked, found, instrument) == found
