@@ -33,7 +33,7 @@ from ertskin.diagnosis.skin import diagnose  # noqa: E402
 from ertskin.files import write_whole  # noqa: E402
 from ertskin.hardware.recording import read_recording  # noqa: E402
 
-SEARCH = "ertskin.diagnosis.search"
+SEARCH, FIT = "ertskin.diagnosis.search", "ertskin.diagnosis.fit"
 
 
 @dataclass(frozen=True)
@@ -42,10 +42,15 @@ class Rule:
 
     about: str
     where: tuple[str, ...]
-    instead: Callable[..., Any]
+    instead: Callable[..., Any] | float
 
 
-RULES = {
+def _not_by_place(build: Any, incumbent: Any, *of_chosen: Any) -> Any:
+    """No field told place by place: none enters, and those chosen stay as they are."""
+    return (of_chosen[0], incumbent) if of_chosen else None
+
+
+RULES: dict[str, Rule] = {
     "form_error": Rule(
         "the instrument's form error is a rival of every further name",
         (f"{SEARCH}.selection.form_error", "ertskin.diagnosis.search.trials.form_error"),
@@ -63,7 +68,7 @@ RULES = {
     ),
     "own_scale": Rule(
         "cells held out count each on its own scale of misfit, not by their chi-square",
-        (f"{SEARCH}.smooth_fields.log_misfit", f"{SEARCH}.entering.log_misfit", f"{SEARCH}.foretold.log_misfit"),
+        (f"{SEARCH}.smooth_fields.log_misfit", f"{FIT}.cross_validation.log_misfit", f"{SEARCH}.foretold.log_misfit"),
         lambda cost, numbers: float(cost.sum()),
     ),
     "foretold": Rule(
@@ -79,7 +84,7 @@ RULES = {
     "freed": Rule(
         "forms are freed about the fit itself",
         (f"{SEARCH}.selection.refined", f"{SEARCH}.entering.refined", f"{SEARCH}.exchange.refined"),
-        lambda build, incumbent, partitions: incumbent,
+        lambda build, incumbent, partitions, *free: incumbent,
     ),
     "exchange": Rule(
         "an effect takes the place of one that it may be taken for where that is likelier",
@@ -95,6 +100,56 @@ RULES = {
         "contacts that wander are reconsidered after every term",
         (f"{SEARCH}.selection._without_drifts",),
         lambda build, incumbent, fixed: (incumbent, fixed),
+    ),
+    "beside_an_instrument": Rule(
+        "beside an instrument's trial that doesn't hold nothing enters that gains less than half as much",
+        (f"{SEARCH}.selection.instrument_worth_a_name",),
+        lambda problem, current, asked: None,
+    ),
+    "another_property": Rule(
+        "of smooth fields of two properties that gain alike the one enters that foretells cells better",
+        (f"{SEARCH}.entering._of_another_property",),
+        lambda field, trial, gain: False,
+    ),
+    "unforeseen": Rule(
+        "effects of which the screen foretells harm are fitted where nothing else enters",
+        (f"{SEARCH}.trials.unforeseen",),
+        lambda problem, current, found, partitions: [],
+    ),
+    "lower_first": Rule(
+        "a first name where little is missing needs to gain less",
+        (f"{SEARCH}.trials.FIRST_SHARE",),
+        1.0,
+    ),
+    "by_place": Rule(
+        "a field is told place by place where nothing else explains most of what is missing",
+        (f"{SEARCH}.selection.told_by_place", f"{SEARCH}.selection.with_fields_by_place"),
+        _not_by_place,
+    ),
+    "fields_again": Rule(
+        "a field that entered while others were missing may give way to what explains as much beside them",
+        (f"{SEARCH}.selection._Search._in_a_fields_place",),
+        lambda search, incumbent, number: None,
+    ),
+    "behind_fields": Rule(
+        "what a smooth field stands in for is asked for by evidence",
+        (f"{SEARCH}.selection.behind_field",),
+        lambda problem, solved, number: [],
+    ),
+    "other_forms": Rule(
+        "forms that gained nearly as much as one that entered are gone on with where a mismatch stays",
+        (f"{SEARCH}.selection.other_forms",),
+        lambda trial, trials, rivals, fixed: [],
+    ),
+    "cells_of_what_follows": Rule(
+        "a search begun anew isn't gone on with where cells held out are foretold worse",
+        (f"{SEARCH}.selection._Search._foretells_worse",),
+        lambda search, reached, incumbent: False,
+    ),
+    "memory_first": Rule(
+        "what places keep of presses may enter in the stead of contacts that wander",
+        (f"{SEARCH}.selection._Search._remembering",),
+        lambda search, incumbent, start: None,
     ),
 }
 
