@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from generator.forms import FORMS
-from isolated_laws import IN_PART, MEASURED, SEEDS, field, left_of, skin_of, smooth_bases
+from isolated_laws import ELSEWHERE, IN_PART, MEASURED, SEEDS, field, left_of, skin_of, smooth_bases
 from rows import CLASSES, FormClasses
 
 from ertskin.diagnosis.search.smooth_fields import MOST_MODES
@@ -80,6 +80,17 @@ def test_what_is_measured_in_part_is_as_the_table_s_text_says() -> None:
     parts = {key: one["in_part"] for key, one in measured.items() if "in_part" in one}
     assert set(parts) == {f"{name}/{kind.form}" for name in IN_PART for kind in FORMS[name]}
     assert all(f"{100 * left:.1f} %" in text for part in parts.values() for left in part.values() if left > 0)
+
+
+@pytest.mark.parametrize("name", ELSEWHERE)
+def test_laws_measured_elsewhere_leave_what_was_measured(name: str) -> None:
+    measured, skin = json.loads(LAWS.read_text()), skin_of(SEEDS[0])
+    assert {key.split("/")[0] for key, one in measured.items() if "elsewhere" in one} == set(ELSEWHERE)
+    for kind in FORMS[name]:
+        said = measured[f"{name}/{kind.form}"]["elsewhere"]
+        assert set(said) == set(ELSEWHERE[name])
+        for what, measure in ELSEWHERE[name].items():
+            assert measure(kind, skin) == pytest.approx(said[what]["by_skin"][0], abs=2e-3), what
 
 
 def test_a_law_of_the_same_form_leaves_nothing_and_another_leaves_itself() -> None:

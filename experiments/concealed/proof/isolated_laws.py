@@ -8,12 +8,14 @@ frees from there), all their parameters free within their ranges, and what is ca
 pad's stiffness, the contacts and the sheet at rest. Left is the rms of what the best one misses, over the rms of what
 calibration alone misses. Each form at ``SHARE`` of its largest size, on the skins ``SEEDS``; the mean over
 them. Writes isolated_laws.json. What acts on the whole scan is compared on readings of the skin at rest, what the
-stage does at the places and in the frames of the skin's own plan.
+stage does at the places and in the frames of the skin's own plan. What the model does on other skins or in more than
+one spot is measured beside that, and takes no part in what is left.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any, cast
@@ -27,8 +29,9 @@ from generator.electrodes import OxidisingContacts, SlidPad
 from generator.fabric import triangle
 from generator.forms import FORMS
 from generator.instrument import GainAndOffset
+from generator.layered import point_pressure
 from generator.mechanics import TurnedStage
-from generator.sheet import Sheet
+from generator.sheet import Electrodes, Sheet
 from generator.simulate import HOLD, REST, Frames, frames_of, moments_of
 from generator.skin import Noise, Skin
 from generator.skins import drawn
@@ -37,6 +40,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from ertskin.diagnosis.fit.terms import Modes
+from ertskin.diagnosis.search.settling import REFINED
 from ertskin.diagnosis.search.smooth_fields import (
     ACROSS,
     ANGLES,
@@ -49,6 +53,8 @@ from ertskin.diagnosis.search.smooth_fields import (
 from ertskin.diagnosis.specimen.fit import SpecimenTest
 from ertskin.physics.effects.adc_saturation import AdcSaturation
 from ertskin.physics.effects.contact_drift import ContactDrift
+from ertskin.physics.effects.contact_pressure_dependence import ContactPressureDependence
+from ertskin.physics.effects.crosstalk import Crosstalk
 from ertskin.physics.effects.effect import (
     AcquisitionEffect,
     Effect,
@@ -78,6 +84,8 @@ SEEDS = (101, 102)
 SHARE = 0.3
 BEGUN = 4
 """Starts of each form of a field from which it is fitted, alone and with a smooth field."""
+TRIED = 2
+"""Starts that are fitted step by step with more of them free."""
 NOTHING = 1e-9
 """Share of a variance below which there is none."""
 STEP_S = 0.5
@@ -92,6 +100,12 @@ THINNED = 4
 """Every so many frames of the plan, where the instrument changes with time."""
 INJECTIONS = 12
 """Of a scan, in which the sheet's warmth is compared."""
+DRAWS = 12
+"""Threads drawn on a skin: some of them pull pads inside the sheet; on round16 all electrodes lie on the rim."""
+SPOTS = 8
+"""Of a contact along each side."""
+AWAY_M = np.linspace(0.0, 0.008, 5)
+"""How far from a contact's middle presses land, along a side and along a diagonal."""
 STEP = 1e-3
 """Share by which a contact and the sheet are changed to see what of the readings they calibrate."""
 
@@ -108,6 +122,9 @@ def main() -> None:
                 what, measure = IN_PART[name]
                 said["in_part"] = {what: _left_on_skins(measure, kind)["left"]}
                 line += f"  {what} {said['in_part'][what]:.3f}"
+            for what, measure in ELSEWHERE.get(name, {}).items():
+                said.setdefault("elsewhere", {})[what] = one = _left_on_skins(measure, kind)
+                line += f"  {what} " + " ".join(f"{x:.3f}" for x in one["by_skin"])
             seals.write_json(OUT, found)
             print(line, flush=True)
 
@@ -117,9 +134,9 @@ def _left_on_skins(measure: Measure, kind: type[Form]) -> dict[str, Any]:
     return {"left": round(float(np.mean(left)), 4), "by_skin": [round(x, 4) for x in left]}
 
 
-def skin_of(seed: int) -> Skin:
-    """A square skin with twelve presses."""
-    return drawn(seed, "square24", "neoprene", "full", 12, Noise(white_v=1e-3, coloured_share=0.0))
+def skin_of(seed: int, scan: str = "full", shape: str = "square24") -> Skin:
+    """A skin with twelve presses, a square one by default."""
+    return drawn(seed, shape, "neoprene", scan, 12, Noise(white_v=1e-3, coloured_share=0.0))
 
 
 def form_of(kind: type[Form], skin: Skin) -> Form:
@@ -144,10 +161,19 @@ def history() -> tuple[Array, Array]:
 
 def seen_of(skin: Skin) -> Seen:
     """The skin's drawing and its scan, as the model is given them."""
-    pads, scan = skin.electrodes, skin.protocol
-    sensor = Sensor(skin.outline_m, electrode_center_m=pads.center_m, electrode_size_m=pads.size_m)
+    scan, sensor = skin.protocol, _sensor_of(skin, skin.electrodes)
     timed: dict[str, Any] = {"injection_offset_s": scan.offset_s, "scan_s": scan.scan_s}
+    if scan.read is not None:
+        return sensor, Protocol.differences(scan.current, scan.read, measured=scan.measured, **timed)
     return sensor, Protocol.against_sink(scan.injection, scan.electrodes, scan.current_a, **timed)
+
+
+def _sensor_of(skin: Skin, pads: Electrodes) -> Sensor:
+    """The skin's drawing with such electrodes."""
+    edge_m = None if pads.edge_m is None else np.asarray(pads.edge_m)
+    return Sensor(
+        skin.outline_m, electrode_center_m=pads.center_m, electrode_size_m=pads.size_m, electrode_edge_m=edge_m
+    )
 
 
 def starts_of(name: str, kind: str, seen: Seen | None = None) -> Iterator[Start]:
@@ -172,27 +198,45 @@ def starts_of(name: str, kind: str, seen: Seen | None = None) -> Iterator[Start]
 def left_of(starts: Iterable[Start], missed: Callable[[Effect | None], Array]) -> float:
     """Rms of what the best fit misses over that without the effect; ``missed`` (T,) with an effect, or none."""
     scale = rms(missed(None))
-    best = 1.0
-    for start in starts:
-        if not start.free:
-            best = min(best, rms(missed(start.effect)) / scale)
-            continue
-        known = [start.effect.known(key) for key in start.free]
-        at = _begun(start)
+    return min((fitted(start, missed, scale)[0] for start in starts), default=1.0)
 
-        def wrong(x: Array, start: Start = start) -> Array:
-            values = dict(zip(start.free, map(float, x), strict=True))
-            return np.asarray(missed(start.effect.changed(values)) / scale)
 
-        fit = least_squares(
-            wrong,
-            [at[key] for key in start.free],
-            bounds=([k.low for k in known], [k.high for k in known]),
-            x_scale=[k.typical for k in known],
-            max_nfev=30,
-        )
-        best = min(best, rms(fit.fun))
-    return best
+def fitted(start: Start, missed: Callable[[Effect | None], Array], scale: float) -> tuple[float, Start]:
+    """Rms of what the fit from a start misses over ``scale``, at most all, and where the fit has come to."""
+    if not start.free:
+        return min(1.0, rms(missed(start.effect)) / scale), start
+    known = [start.effect.known(key) for key in start.free]
+    at = _begun(start)
+
+    def effect_of(x: Array) -> Effect:
+        return start.effect.changed(dict(zip(start.free, map(float, x), strict=True)))
+
+    fit = least_squares(
+        lambda x: np.asarray(missed(effect_of(x)) / scale),
+        [at[key] for key in start.free],
+        bounds=([k.low for k in known], [k.high for k in known]),
+        x_scale=[k.typical for k in known],
+        max_nfev=30,
+    )
+    return min(1.0, rms(fit.fun)), replace(start, effect=effect_of(fit.x))
+
+
+def left_step_by_step(starts: Iterable[Start], missed: Callable[[Effect | None], Array]) -> float:
+    """The same where forms are too many to fit them all: the best starts are fitted with ever more of them free.
+
+    As in the diagnosis, each from where the fit before has come to, at most ``REFINED`` times, ``TRIED`` of them.
+    """
+    scale = rms(missed(None))
+    begun = sorted((fitted(start, missed, scale) for start in starts), key=lambda found: found[0])[:TRIED]
+    for number, (left, one) in enumerate(begun):
+        for _ in range(REFINED):
+            freed = [fitted(more, missed, scale) for more in one.effect.freer(one.free)]
+            better = min(freed, key=lambda found: found[0], default=(1.0, one))
+            if better[0] >= left:
+                break
+            left, one = better
+        begun[number] = left, one
+    return min((left for left, _ in begun), default=1.0)
 
 
 def rms(wrong: Array) -> float:
@@ -271,6 +315,45 @@ def contact(kind: type[Form], skin: Skin) -> float:
         return np.asarray(np.log(ohm / pressed)[:, 0] - said)
 
     return left_of(starts_of(kind.name, "readings"), missed)
+
+
+def pressed_unevenly(kind: type[Form], skin: Skin, whole: bool, evenly: bool = False) -> float:
+    """Log conductance of a contact that is pressed in part: of the ``whole`` of it, or of every spot.
+
+    Up to the specimen's largest stress; the model's law is that of every spot or, ``evenly``, of the mean pressure.
+    """
+    pressure = _under_a_contact(skin)
+    form, flat = form_of(kind, skin), pressure.ravel()
+    said_s = form.admittance(np.ones(len(flat)), flat).reshape(pressure.shape)
+    felt = np.broadcast_to(pressure.mean(axis=1, keepdims=True), pressure.shape) if evenly else pressure
+    ohm, now = np.full(pressure.shape, 1e6), np.zeros(len(pressure))
+
+    def log_of(conductance: Array) -> Array:
+        return np.log(conductance.mean(axis=1) if whole else conductance.ravel())
+
+    def missed(effect: Effect | None) -> Array:
+        if effect is None:
+            return log_of(said_s)
+        pressed = cast(ElectrodeEffect, effect).contact_resistance_ohm(ohm, felt, now)
+        return log_of(ohm / pressed) - log_of(said_s)
+
+    starts = starts_of(kind.name, "readings")
+    return left_of((one for one in starts if cast(ContactPressureDependence, one.effect).evenly == evenly), missed)
+
+
+def _under_a_contact(skin: Skin) -> Array:
+    """(T,Q) pressure at the spots of a contact while the indenter lands at several places, at several forces."""
+    size_m = skin.electrodes.size_m[0]
+    x, y = ((np.arange(SPOTS) + 0.5) / SPOTS * side - 0.5 * side for side in size_m)
+    spot_m = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 1, 2)
+    ways = np.array([[1.0, 0.0], [0.7071, 0.7071]])
+    places_m = (AWAY_M[:, None, None] * ways).reshape(-1, 2)
+    unit = point_pressure(skin.layers, skin.interface)
+    pressure = np.array(
+        [unit(np.linalg.norm(spot_m - place_m - skin.points_m, axis=-1)).mean(axis=1) for place_m in places_m]
+    )
+    share = np.arange(1, 9) / 8
+    return np.asarray(np.multiply.outer(share, pressure / pressure.max()).reshape(-1, len(spot_m)) * skin.law.top_pa)
 
 
 def field(kind: type[Form], skin: Skin) -> float:
@@ -425,6 +508,32 @@ def thread(kind: type[Form], skin: Skin) -> float:
     return min(rms(true_m - term.geometry(sensor).electrode_center_m) for term in terms) / rms(moved_m)
 
 
+def threads(kind: type[Form], skin: Skin, shape: str = "square24") -> float:
+    """The same by one term as the diagnosis begins and frees it, all its parameters fitted; the mean over ``DRAWS``."""
+    skin = skin_of(skin.seed, shape=shape)
+    drawing, protocol = seen_of(skin)
+    every = list(starts_of(kind.name, "readings", (drawing, protocol)))
+    left = []
+    for number in range(DRAWS):
+        form = kind(SHARE * kind.largest)
+        form.draw(skin, np.random.default_rng([skin.seed, 9, number]))
+        said = _places_m(_sensor_of(skin, form.electrodes(skin.electrodes))) - _places_m(drawing)
+        most = int(np.abs(said).max(axis=(1, 2)).argmax())
+
+        def missed(effect: Effect | None, said: Array = said) -> Array:
+            moved = drawing if effect is None else cast(ElectrodeDisplacement, effect).geometry(drawing)
+            return np.ravel(_places_m(moved) - _places_m(drawing) - said)
+
+        left.append(left_of((s for s in every if getattr(s.effect, "electrode", -1) == most), missed))
+    return float(np.mean(left))
+
+
+def _places_m(sensor: Sensor) -> Array:
+    """(L,1,2) middles of pads, or (L,2,2) ends of electrodes on the rim."""
+    edge_m = sensor.electrode_edge_m
+    return sensor.electrode_middle_m[:, None] if edge_m is None else edge_m
+
+
 def contact_paths(kind: type[Form], skin: Skin) -> float:
     """Resistance of every contact in every frame of the plan, as measured at rest and straight in between."""
     form, frames = form_of(kind, skin), frames_of(skin)
@@ -444,32 +553,42 @@ def _scans(skin: Skin, frames: Frames) -> list[Moment]:
     return [moment for moment in moments_of(skin, frames) if moment.frame >= 0]
 
 
+def undriven(kind: type[Form], skin: Skin) -> float:
+    """The same of a scan in which no driven electrode is read: the instrument may pass it, the model isn't told."""
+    return instrument(kind, skin_of(skin.seed, "adjacent"))
+
+
 def instrument(kind: type[Form], skin: Skin) -> float:
     """Readings of the skin at rest as long as its plan, every contact and the sheet fitted anew.
 
     A channel that is off is known, and so is where readings stop: both are measured.
     """
     seen, form = seen_of(skin), form_of(kind, skin)
+    told = seen[1].taken
     voltage, changes = _at_rest(skin)
     scans = _scans(skin, frames_of(skin))
     # Nothing but a gain depends on time.
     scans = scans[::THINNED] if isinstance(form, GainAndOffset) else scans[:1]
-    said = np.array([form.voltage(voltage, moment.frame, moment.time_s) for moment in scans])
-    true, time_s = np.broadcast_to(voltage, said.shape), np.array([moment.time_s for moment in scans])
+    said = np.array([form.voltage(voltage, moment.frame, moment.time_s) for moment in scans])[:, told]
+    true = np.repeat(seen[1].filled(voltage)[None], len(scans), axis=0)
+    time_s, changes = np.array([moment.time_s for moment in scans]), seen[1].filled(changes)
+    changes = changes[changes.any(axis=(1, 2))]  # No contact where no driven electrode is read.
 
     def missed(effect: Effect | None) -> Array:
         def read(voltage_v: Array) -> Array:
             if effect is None:
-                return voltage_v
+                return voltage_v[:, told]
             scaled = cast(AcquisitionEffect, effect).scaled_to(float(np.abs(voltage).max()))
-            return scaled.read_v(voltage_v, seen[1], time_s)
+            return scaled.read_v(voltage_v, seen[1], time_s)[:, told]
 
         out = read(true)
-        taken = np.array([read(true + change) - out for change in changes]).reshape(len(changes), -1)
+        taken = np.array([read(true + change) - out for change in changes]).reshape(len(changes), out.size)
         wrong = np.ravel(out - said)
         return np.asarray(wrong - np.linalg.lstsq(taken @ taken.T, taken @ wrong, rcond=None)[0] @ taken)
 
     channel = form.details.get("channel")
+    if kind.name == Crosstalk.name:
+        return left_step_by_step(Crosstalk.reading_starts(*seen), missed)
     every = starts_of(kind.name, "readings", seen)
     starts = [start for start in every if channel in (None, getattr(start.effect, "channel", None))]
     if kind.name == AdcSaturation.name:
@@ -570,6 +689,21 @@ IN_PART: dict[str, tuple[str, Measure]] = {
     "scan_skew": ("but for frames held", partial(motion, held=False)),
 }
 """What is measured beside the whole."""
+ELSEWHERE: dict[str, dict[str, Measure]] = {
+    "contact_pressure_dependence": {
+        "every spot": partial(pressed_unevenly, whole=False),
+        "every spot by the mean": partial(pressed_unevenly, whole=False, evenly=True),
+        "whole contact": partial(pressed_unevenly, whole=True),
+        "whole contact by the mean": partial(pressed_unevenly, whole=True, evenly=True),
+    },
+    "electrode_displacement": {
+        "by one term, many pads": threads,
+        "by one term, sixteen pads": partial(threads, shape="square16"),
+        "by one term, on the rim": partial(threads, shape="round16"),
+    },
+    "crosstalk": {"driven electrodes not read": undriven},
+}
+"""What is measured where ``MEASURED`` doesn't show the law at work: takes no part in what is left."""
 
 
 if __name__ == "__main__":
