@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import combinations
 from typing import ClassVar
 
 import numpy as np
@@ -85,12 +86,12 @@ class ElectrodeDisplacement(ElectrodeEffect):
 
     @classmethod
     def reading_starts(cls, sensor: Sensor, protocol: Protocol) -> tuple[Start, ...]:
-        """Every electrode alone, then every one with its neighbours, inside the sheet the two nearest."""
+        """Every electrode alone, then every one with its neighbours, inside the sheet any two of the nearest."""
         inside = sensor.electrode_edge_m is None
         ways = ("dx_m", "dy_m") if inside else ("along_m",)
-        nearest = [_nearest(sensor, electrode) if inside else () for electrode in range(sensor.electrodes)]
-        alone = [cls(electrode, next_to=pads) for electrode, pads in enumerate(nearest)]
-        pulling = [replace(one, pulled=PULLED) for one in alone]
+        nearest = [_nearest(sensor, electrode) if inside else [()] for electrode in range(sensor.electrodes)]
+        alone = [cls(electrode, next_to=pairs[0]) for electrode, pairs in enumerate(nearest)]
+        pulling = [replace(one, next_to=pads, pulled=PULLED) for one in alone for pads in nearest[one.electrode]]
         return tuple(Start(one, ways, ways) for one in (*alone, *pulling))
 
     def freer(self, free: tuple[str, ...]) -> tuple[Start, ...]:
@@ -100,8 +101,13 @@ class ElectrodeDisplacement(ElectrodeEffect):
         return tuple(Start(replace(self, pulled=PULLED, side=side), (*free, "pulled")) for side in (1, -1, 0))
 
 
-def _nearest(sensor: Sensor, electrode: int) -> tuple[int, ...]:
-    """Numbers of the two pads nearest to one, the first of those equally near; none where there aren't two."""
-    far_m = np.linalg.norm(sensor.electrode_middle_m - sensor.electrode_middle_m[electrode], axis=1)
-    nearest = np.argsort(np.round(far_m, 5), kind="stable")[1:3]
-    return tuple(sorted(nearest.tolist())) if len(nearest) == 2 else ()
+def _nearest(sensor: Sensor, electrode: int) -> list[tuple[int, ...]]:
+    """Numbers of the two pads nearest to one, in every way where some are equally near; none where there aren't two."""
+    far_m = np.round(np.linalg.norm(sensor.electrode_middle_m - sensor.electrode_middle_m[electrode], axis=1), 5)
+    others = [pad for pad in np.argsort(far_m, kind="stable").tolist() if pad != electrode]
+    if len(others) < 2:
+        return [()]
+    second_m = far_m[others[1]]
+    near = [pad for pad in others if far_m[pad] <= second_m]
+    nearer = {pad for pad in near if far_m[pad] < second_m}
+    return [pair for pair in combinations(sorted(near), 2) if nearer <= set(pair)]

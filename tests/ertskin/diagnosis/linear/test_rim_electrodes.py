@@ -80,6 +80,15 @@ def test_a_thread_pulls_the_nearest_pads_whatever_their_numbers(sheet: Sensor) -
         ElectrodeDisplacement(0, next_to=(1,))
 
 
+def test_a_thread_may_pull_any_two_of_pads_equally_near(sheet: Sensor) -> None:
+    place_m = 1e-2 * np.array([[0, 0], [1, 0], [0, 2], [0, -2], [3, 0], [5, 3], [5, -3], [9, 0]])
+    pads = Sensor(sheet.outline_m, 1e3, 20.0, place_m, np.full((ELECTRODES, 2), 2e-3))
+    starts = [one.effect for one in ElectrodeDisplacement.reading_starts(pads, PROTOCOL)]
+    pulling = [one.next_to for one in starts if one.electrode == 0 and one.pulled]
+    assert pulling == [(1, 2), (1, 3)]
+    assert [one.electrode for one in starts if not one.pulled] == list(range(ELECTRODES))
+
+
 def test_it_states_where_the_middle_went(sheet: Sensor) -> None:
     found = ElectrodeDisplacement(0, along_m=2e-3).quantities(Standard(np.ones_like, np.nan, sensor=sheet))
     middle = 2 * np.pi * 3 / 128
