@@ -224,10 +224,9 @@ class _Search:
             named = entered is not None and entered[0].term.name not in {t.name for t in current.terms}
             self.tried.append(Tried((*(t.name for t in current.terms), FORM_ERROR), left, not named))
         if entered is None:
-            swapped = self._in_anothers_place(incumbent, trials)
-            if swapped is not None or instrument_worth_a_name(problem, current, trials) is not None:
-                return swapped
-            return self.told_by_place(incumbent)
+            instrument = instrument_worth_a_name(problem, current, trials)
+            least = 0.0 if instrument is None else problem.evidence.criteria.most_share * instrument.gain
+            return self._in_anothers_place(incumbent, trials) or self.told_by_place(incumbent, least=least)
         trial, proposed = entered
         rivals = self.stand[key_of(trial.term)] = short_of(trial, last)
         self.forms += other_forms(trial, last, rivals, self.fixed)
@@ -271,10 +270,13 @@ class _Search:
         self.stand[key_of(entered)] = (Rival(left.effect, gain),)
         return _reconsidered(self.build, proposed)
 
-    def told_by_place(self, incumbent: CheckedFit, free: Freeing = freed_forms) -> CheckedFit | None:
-        """With a field told place by place, where nothing else explains most of what is missing."""
+    def told_by_place(
+        self, incumbent: CheckedFit, free: Freeing = freed_forms, least: float = 0.0
+    ) -> CheckedFit | None:
+        """With a field told place by place, where nothing else explains most of what is missing and that gains the
+        ``least`` at least."""
         found = told_by_place(self.build, incumbent)
-        if found is None:
+        if found is None or found[1] < least:
             return None
         proposed, gain = found
         self.tried.append(Tried(tuple(term.name for term in proposed.solved.terms), gain, True))

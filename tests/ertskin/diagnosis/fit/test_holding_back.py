@@ -135,18 +135,19 @@ def test_what_earlier_lists_left_unsaid_counts_for_later_ones(monkeypatch: pytes
     assert asked == [["wild"], ["wild", "far"]]
 
 
-@pytest.mark.parametrize("holds_none", [True, False], ids=["of an instrument", "of none"])
+@pytest.mark.parametrize("of_instrument", [True, False], ids=["of an instrument", "of none"])
+@pytest.mark.parametrize(("gain", "enters"), [(24.0, False), (26.0, True)])
 def test_beside_an_instrument_that_does_not_hold_less_likely_names_and_places_rest(
-    holds_none: bool, monkeypatch: pytest.MonkeyPatch
+    of_instrument: bool, gain: float, enters: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     found, later = trial("wild", "crosstalk", 50.0), trial("far", "other", 20.0)
     search, fit, settled = searching(monkeypatch, [found], [later])
-    told: list[Any] = []
-    monkeypatch.setattr(selection, "instrument_worth_a_name", lambda *given: found if holds_none else None)
-    monkeypatch.setattr(selection, "told_by_place", lambda build, incumbent: told.append(incumbent))
-    assert search.one_more(fit) is None
-    assert settled == (["wild"] if holds_none else ["wild", "far"])
-    assert told == ([] if holds_none else [fit])
+    by_place = CheckedFit(fit.problem, fit.solved, 2.0, 0.0)
+    monkeypatch.setattr(selection, "instrument_worth_a_name", lambda *given: found if of_instrument else None)
+    monkeypatch.setattr(selection, "told_by_place", lambda build, incumbent: (by_place, gain))
+    monkeypatch.setattr(selection._Search, "_refined", lambda search, fit, free: fit)
+    assert search.one_more(fit) is (by_place if enters or not of_instrument else None)
+    assert settled == (["wild"] if of_instrument else ["wild", "far"])
     # What nobody wants is left at that, whatever the instrument gains.
     settled.clear()
     assert search.one_more(fit, lambda one: one.solved == "wild") is None
