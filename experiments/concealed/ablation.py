@@ -2,8 +2,9 @@
 
 TRUTHS is the folder of a proof's truths (``OUT/sealed`` of ``record.py`` and ``compounds.py``). Every answer is kept as
 OUT/RULE/NAME/diagnosis.json, so that the same command goes on where it stopped; OUT/ablation.md is the table so far.
-Rules that only lower a name's confidence need no run of their own: a claim's ``reasons`` say what each took, and a
-second table counts it.
+The answer with all rules keeps how often each acted, and one that never did isn't run again without. Rules that only
+lower a name's confidence need no run of their own: a claim's ``reasons`` say what each took, and a second table counts
+it.
 """
 
 from __future__ import annotations
@@ -12,10 +13,13 @@ import argparse
 import json
 import os
 import sys
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
+from functools import wraps
 from pathlib import Path
+from pkgutil import resolve_name
 from time import process_time
 from typing import Any
 from unittest.mock import patch
@@ -167,17 +171,59 @@ def without(rule: str | None) -> Iterator[None]:
             one.stop()
 
 
+@contextmanager
+def counted() -> Iterator[Counter[str]]:
+    """The diagnosis with all rules; how often each that is a function said other than what takes its place."""
+    acted: Counter[str] = Counter()
+
+    def watched(name: str, rule: Callable[..., Any], instead: Callable[..., Any]) -> Callable[..., Any]:
+        @wraps(rule)
+        def asked(*given: Any, **named: Any) -> Any:
+            said = rule(*given, **named)
+            acted[name] += not _same(said, instead(*given, **named))
+            return said
+
+        return asked
+
+    with ExitStack() as switched:
+        for name, rule in RULES.items():
+            if callable(rule.instead):
+                acted[name] = 0
+                for place in rule.where:
+                    switched.enter_context(patch(place, watched(name, resolve_name(place), rule.instead)))
+        yield acted
+
+
+def _same(said: Any, instead: Any) -> bool:
+    """Whether a rule said what takes its place says: the same objects, or equal plain values."""
+    if isinstance(said, tuple | list) and isinstance(instead, tuple | list):
+        return len(said) == len(instead) and all(map(_same, said, instead))
+    if isinstance(said, FormError):
+        return said.sizes is None
+    return said is instead or (isinstance(said, bool | float) and said == instead)
+
+
 def answer(recording: Path, rule: str | None, out: Path) -> dict[str, Any]:
-    """What a diagnosis without the rule says, made once; with ``cpu_s``, what it took."""
+    """What a diagnosis without the rule says, made once; with ``cpu_s``, what it took.
+
+    With all rules also ``acted``, how often each did; without one that never did nothing is run.
+    """
     file = out / (rule or "all") / recording.stem / "diagnosis.json"
     if not file.is_file():
-        begun = process_time()
-        with without(rule):
-            found = diagnose(read_recording(recording), str(recording), lambda share, text: None)
-        said = {**found.diagnosis.as_builtins(), "cpu_s": process_time() - begun}
+        with_all = answer(recording, None, out) if rule is not None else {}
+        said = with_all if with_all.get("acted", {}).get(rule) == 0 else _diagnosed(recording, rule)
         file.parent.mkdir(parents=True, exist_ok=True)
         write_whole(file, json.dumps(finite(said), indent=1))
     return dict(json.loads(file.read_text(encoding="utf-8")))
+
+
+def _diagnosed(recording: Path, rule: str | None) -> dict[str, Any]:
+    """A recording's diagnosis without the rule, run."""
+    with counted() if rule is None else without(rule) as acted:
+        begun = process_time()
+        found = diagnose(read_recording(recording), str(recording), lambda share, text: None)
+        said = {**found.diagnosis.as_builtins(), "cpu_s": process_time() - begun}
+    return said if acted is None else {**said, "acted": dict(acted)}
 
 
 @dataclass(frozen=True)
@@ -256,6 +302,17 @@ def of_reasons(cases: Sequence[Judged]) -> str:
     return "\n".join(lines) + "\n"
 
 
+def of_acting(out: Path, recordings: Sequence[Path]) -> str:
+    """How often each rule acted where all of them are in force, and in how many of the recordings."""
+    lines = ["| rule | acted | in recordings |", "| --- " * 3 + "|"]
+    acted = [answer(recording, None, out).get("acted", {}) for recording in recordings]
+    for rule in RULES:
+        counts = [one[rule] for one in acted if rule in one]
+        if counts:
+            lines.append(f"| `{rule}` | {sum(counts)} | {sum(map(bool, counts))} of {len(counts)} |")
+    return "\n".join(lines) + "\n"
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("out", type=Path, help="folder for answers and tables")
@@ -270,7 +327,8 @@ def main() -> None:
             answer(recording, rule, options.out)
         text = table(options.out, options.truths, options.recordings, options.rules)
         cases = opened(options.out, options.truths, options.recordings, None)
-        write_whole(options.out / "ablation.md", text + "\n" + of_reasons(cases or []))
+        acting = of_acting(options.out, options.recordings)
+        write_whole(options.out / "ablation.md", "\n".join((text, of_reasons(cases or []), acting)))
         print(text, flush=True)
 
 

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import sys
-from importlib import import_module
 from pathlib import Path
+from pkgutil import resolve_name
 from types import SimpleNamespace
 from typing import Any
 
@@ -13,29 +13,15 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parents[2] / "experiments" / "concealed"))
 
 import ablation
-from ablation import RULES, Count, Judged, of_reasons, table, without
-
-
-def resolved(place: str) -> Any:
-    """What stands at a dotted place."""
-    parts = place.split(".")
-    for count in range(len(parts), 0, -1):
-        try:
-            found = import_module(".".join(parts[:count]))
-        except ModuleNotFoundError:
-            continue
-        for part in parts[count:]:
-            found = getattr(found, part)
-        return found
-    raise AssertionError(place)
+from ablation import RULES, Count, Judged, counted, of_acting, of_reasons, table, without
 
 
 @pytest.mark.parametrize("rule", RULES)
 def test_a_rule_is_switched_off_and_on_again(rule: str) -> None:
-    before = [resolved(place) for place in RULES[rule].where]
+    before = [resolve_name(place) for place in RULES[rule].where]
     with without(rule):
-        assert all(resolved(place) is RULES[rule].instead for place in RULES[rule].where)
-    assert [resolved(place) for place in RULES[rule].where] == before
+        assert all(resolve_name(place) is RULES[rule].instead for place in RULES[rule].where)
+    assert [resolve_name(place) for place in RULES[rule].where] == before
 
 
 def case(name: str, hidden: list[str], claimed: dict[str, float], ratio: float = 1.0) -> Judged:
@@ -74,3 +60,32 @@ def test_a_rule_has_its_line_once_all_its_recordings_are_there(tmp_path: Path, m
     assert "foretold" not in text
     monkeypatch.setattr(ablation, "diagnose", lambda *given: pytest.fail("diagnosed again"))
     ablation.answer(recordings[0], "freed", tmp_path / "out")
+
+
+def test_a_rule_acts_where_it_says_other_than_what_takes_its_place(monkeypatch: pytest.MonkeyPatch) -> None:
+    places = [resolve_name(RULES[rule].where[0]) for rule in ("nominal_again", "exchange")]
+    from ertskin.diagnosis.search import selection
+
+    monkeypatch.setattr(selection, "_reconsidered", lambda build, incumbent: incumbent)
+    monkeypatch.setattr(selection, "exchanged", lambda *given: ("term", "fit", 3.0))
+    with counted() as acted:
+        assert selection._reconsidered(None, "fit") == "fit"  # type: ignore[arg-type, comparison-overlap]
+        selection.exchanged(*[None] * 5)  # type: ignore[arg-type]
+    assert (acted["nominal_again"], acted["exchange"], acted["freed"]) == (0, 1, 0)
+    assert "lower_first" not in acted
+    monkeypatch.undo()
+    assert [resolve_name(RULES[rule].where[0]) for rule in ("nominal_again", "exchange")] == places
+
+
+def test_without_a_rule_that_never_acted_nothing_is_run_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    run: list[str] = []
+
+    def diagnosed(recording: Path, rule: str | None) -> dict[str, Any]:
+        run.append(str(rule))
+        return {"said": str(rule), **({"acted": {"freed": 0, "exchange": 2}} if rule is None else {})}
+
+    monkeypatch.setattr(ablation, "_diagnosed", diagnosed)
+    said = [ablation.answer(Path("a.h5"), rule, tmp_path)["said"] for rule in ("freed", "exchange", "lower_first")]
+    assert said == ["None", "exchange", "lower_first"]
+    assert run == ["None", "exchange", "lower_first"]
+    assert "| `exchange` | 2 | 1 of 1 |" in of_acting(tmp_path, [Path("a.h5")])
