@@ -20,7 +20,8 @@ from ertskin.diagnosis.fit.quadratic import Quadratic
 from ertskin.diagnosis.fit.solved import Solved
 from ertskin.diagnosis.fit.terms import Modes, Term
 from ertskin.diagnosis.linear.calibration_vector import SHAPE, Calibration, SkinFamily
-from ertskin.diagnosis.linear.linear_skin import Fields, LinearSkin
+from ertskin.diagnosis.linear.linear_skin import LinearSkin
+from ertskin.diagnosis.linear.whole_sheet import Fields
 from ertskin.diagnosis.recording.evidence import Evidence
 from ertskin.diagnosis.specimen.signal import SpecimenSignal
 from ertskin.physics.effects.effect import Effect

@@ -9,7 +9,8 @@ from itertools import accumulate, pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from ertskin.diagnosis.linear.linear_skin import LinearSkin, motions
+from ertskin.diagnosis.linear.linear_skin import LinearSkin
+from ertskin.diagnosis.linear.pressed_frames import motions
 from ertskin.diagnosis.recording.evidence import Evidence
 from ertskin.physics.effects.effect import AcquisitionEffect, Effect, shown_by
 from ertskin.physics.effects.hypothesis import Signal

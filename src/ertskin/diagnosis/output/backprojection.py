@@ -19,7 +19,7 @@ def backprojected(linear: LinearSkin, residual: Array, noise_v: float) -> tuple[
     ``residual`` in units of the noise. One linear step about the resting sheet with white noise and a white prior:
     Gauss-Newton imaging (Adler and Guardo, IEEE Trans. Med. Imaging 15 (1996) 170).
     """
-    derivative = linear.sheet_derivatives[0][:, 0].astype(float) / noise_v
+    derivative = linear.sheet.derivatives[0][:, 0].astype(float) / noise_v
     mean, frames = residual.mean(axis=0), len(residual)
     hessian = frames * derivative.T @ derivative + np.eye(derivative.shape[1]) / PRIOR**2
-    return linear.sheet_hats.node_m, np.asarray(np.linalg.solve(hessian, frames * derivative.T @ mean))
+    return linear.sheet.hats.node_m, np.asarray(np.linalg.solve(hessian, frames * derivative.T @ mean))

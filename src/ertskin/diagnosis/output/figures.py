@@ -155,7 +155,7 @@ def _projected(findings: Findings, touched: NDArray[np.bool_]) -> Figure:
     figure, axes = panels(len(shown), width=4.9, height=3.9)
     for axis, (rows, title) in zip(axes, shown, strict=True):
         node_m, change = backprojected(linear, findings.residual_before[rows], findings.evidence.noise_v)
-        shape = tuple(len(a) for a in reversed(linear.sheet_hats.axes))
+        shape = tuple(len(a) for a in reversed(linear.sheet.hats.axes))
         top = max(100 * float(np.abs(change).max()), 1e-3)
         x, y = (1e3 * node_m[:, k].reshape(shape) for k in range(2))
         image = axis.pcolormesh(

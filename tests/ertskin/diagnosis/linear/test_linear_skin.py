@@ -9,7 +9,8 @@ import pytest
 from small_skin import SMALL, small_law, small_sensor, two_presses
 
 from ertskin.diagnosis.fit.joint_fit import VoltageProblem
-from ertskin.diagnosis.linear.linear_skin import MOTIONS, LinearSkin
+from ertskin.diagnosis.linear.linear_skin import LinearSkin
+from ertskin.diagnosis.linear.pressed_frames import MOTIONS
 from ertskin.diagnosis.recording.evidence import Evidence
 from ertskin.physics.effects.contact_drift import ContactDrift
 from ertskin.physics.effects.contact_pressure_dependence import ContactPressureDependence
@@ -101,20 +102,20 @@ def test_what_is_remembered_is_never_that_of_another_skin(history: History, begu
         if skew:
             moments, _ = linear.skew_mixing(skew[0])
             found = linear.skewed(other, skew[0], force_n, moments)
-            forces = bare._moved_forces(other, skew[0], force_n, moments)
+            forces = bare.frames.moved_forces(other, skew[0], force_n, moments)
         else:
             found, forces = [linear.still_scans(other, force_n)], [force_n]
-        about = bare._moments if skew and bare._moments else [bare] * len(forces)
+        about = bare.moments if skew and bare.moments else [bare] * len(forces)
         for scans, one, force in zip(found, about, forces, strict=True):
             np.testing.assert_array_equal(scans, without_memory(one, other, force))
-    motion = 1 if linear._moments else len(linear.skew_mixing(slow)[0])
-    assert all(len(one._memories) <= MOTIONS * motion for one in (linear, *linear._moments))
+    motion = 1 if linear.moments else len(linear.skew_mixing(slow)[0])
+    assert all(len(one.frames.memories) <= MOTIONS * motion for one in (linear, *linear.moments))
 
 
 def without_memory(linear: LinearSkin, skin: Skin, force_n: np.ndarray) -> np.ndarray:
     """Scans (T,P) of a linearised skin that forgets all it had computed before."""
-    linear._memories, linear._latest_field = [], {}
-    linear._latest_broad, linear._latest_warmed = (None, None), (None, None)
+    linear.frames.memories, linear._latest_field = [], {}
+    linear.sheet._latest, linear._elsewhere._latest = (None, None), (None, None)
     return linear.still_scans(skin, force_n)
 
 

@@ -1,0 +1,185 @@
+"""The states a recording visits, solved in full with their derivatives: about them its skin is linearised."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csc_array, sparray
+
+from ertskin.cores import in_threads
+from ertskin.diagnosis.linear.patches import (
+    Indices,
+    Past,
+    Patch,
+    State,
+    contact_groups,
+    followers,
+    main_directions,
+    memory_frames,
+    within,
+)
+from ertskin.diagnosis.linear.pressed_frames import PressedFrames
+from ertskin.diagnosis.linear.sensitivity import Hats, PadRims, model_elements, sheet_sensitivity, whitening_of_transfer
+from ertskin.diagnosis.linear.sheet_state import SheetState
+from ertskin.physics.conduction.sheet import Solution
+from ertskin.physics.skin import frames_since
+
+Array = NDArray[np.float64]
+
+GRID_M = 1.5e-3
+NEAR_CONTACTS = 0.03
+"""Relative change of contact resistances that their first derivatives still carry: a series resistance is linear."""
+RANK = 128
+"""Directions kept of the derivatives on a patch's grid. On the paper's skin 100 leave 5e-4 of the noise out of a change
+of a tenth of the signal; every evaluation reads that much less memory."""
+
+Progress = Callable[[float, str], None]
+
+
+class StateSolver:
+    """Solves the states of a recording's frames on their skin's mesh, that at ``rest`` first."""
+
+    def __init__(self, frames: PressedFrames) -> None:
+        skin = frames.skin
+        self.frames, self.skin, self.protocol = frames, skin, skin.protocol
+        self.points_m = skin.sheet.quadrature_m.reshape(-1, 2)
+        self.rest_relative = np.ones(len(self.points_m))
+        self._whitening = whitening_of_transfer(skin.protocol)
+        self._rims = PadRims(skin.sheet)
+        self._sheet = SheetState.of(skin, self.points_m)
+        self.rest = self._solve(self.rest_relative, skin.contact_resistance_ohm)
+        self._contacts_now = frames.contacts(skin, frames.force_n, frames.drift(skin))
+
+    def patches(self, progress: Progress) -> list[Patch]:
+        """The patches of the frames, their states solved."""
+        frames = self.frames
+        groups = contact_groups(frames.contact_m[frames.wanted], frames.force_n[frames.wanted])
+        done = 0
+
+        def one(rows: Indices) -> Patch:
+            nonlocal done
+            patch = self._patch(rows)
+            done += 1
+            progress(done / len(groups), f"linearised {done} of {len(groups)} places")
+            return patch
+
+        return in_threads(one, groups)
+
+    def by_size(self, solution: Solution, elements: Indices, hats: sparray, points: Indices) -> NDArray[np.float32]:
+        """(P,G) derivatives of a solution's scan by the relative size of the conductance, hats (G,n) at points (n,)."""
+        tensor, scale = self._sheet.tensor, self._scale_s[points]
+        if self._sheet.even_tensor:
+            return sheet_sensitivity(solution, elements, hats, self._whitening, tensor[:1], scale)[0]
+        parts = [
+            sheet_sensitivity(solution, elements, hats, self._whitening, unit[None], scale * part)[0]
+            for unit, part in zip(np.eye(3), tensor[points].T, strict=True)
+        ]
+        return np.sum(parts, axis=0, dtype=np.float32)
+
+    def _solve(
+        self, relative: Array, contact_ohm: Array, base: Solution | None = None, share: Array | None = None
+    ) -> Solution:
+        """Solution for a relative conductance (E*Q,) of the sheet, the skin's own tensor and field included."""
+        conductance = (relative * self._scale_s).reshape(self.skin.sheet.weight_m2.shape)
+        if self._sheet.isotropic and base is not None and np.array_equal(base.contact_resistance_ohm, contact_ohm):
+            if np.array_equal(conductance, base.conductivity_s):
+                return base
+            return self.skin.sheet.solve_again(conductance, base)
+        return self.skin.sheet.solve(self._sheet.shaped(conductance), contact_ohm, share)
+
+    @cached_property
+    def _scale_s(self) -> Array:
+        """(E*Q,) size in siemens of the untouched sheet's conductance, as warm as it usually is."""
+        sheet = self.skin.sheet
+        warmth = np.repeat(self.frames.usual_warmth(sheet.quadrature_m.mean(axis=1)), sheet.weight_m2.shape[1])
+        return np.asarray(np.exp(self._sheet.log_size + warmth) / self.skin.piezo.zero_ohm_sq)
+
+    def _patch(self, rows: Indices) -> Patch:
+        spots, reach, frames = self.frames.spots_m(rows), self.frames.reach_m, self.frames
+        patch = self._around(spots, rows, reach)
+        elements = model_elements(self.skin.sheet, within(self.points_m, spots, reach))
+        relative = frames.relative(self.skin, frames.force_n, patch)
+        state_of, leaders = followers(relative, self._contacts_now[0][rows], self.skin.contact_resistance_ohm)
+        per = self.skin.sheet.weight_m2.shape[1]
+        points = (elements[:, None] * per + np.arange(per)).ravel()
+        close = points[within(self.points_m[points], spots, reach)]
+        before = patch.past_of(self.skin)
+        led = Past(before.frames, before.own[leaders])
+        pressed = frames.relative_at(self.skin, frames.force_n, self.points_m[close], led)
+        asked = self.skin.sheet.asked_at(elements)
+        columns = patch.hats.values(self.points_m[points])[patch.inside].tocsc()
+        solved = (
+            (self._pressed(close, values, rows[k]).confined(asked), relative[k])
+            for k, values in zip(leaders, pressed, strict=True)
+        )
+        states = [self._state(*each, elements, points, columns, patch.leaning) for each in solved]
+        directions = main_directions(np.concatenate([state.local for state in states]), RANK)
+        states = [replace(state, local=state.local @ directions) for state in states]
+        return replace(patch, states=states, state_of=state_of, directions=directions)
+
+    def _around(self, spots: Array, rows: Indices, reach_m: float) -> Patch:
+        """The patch of rows that press the same spots (S,2), before anything is solved for it."""
+        low_m, high_m = self.skin.sensor.extent_m
+        low, high = low_m, low_m + GRID_M
+        if len(spots):
+            low = np.maximum(spots.min(axis=0) - reach_m, low_m)
+            high = np.minimum(spots.max(axis=0) + reach_m, high_m)
+        hats = Hats(low, high, GRID_M)
+        inside = np.flatnonzero(within(hats.node_m, spots, reach_m + 2 * GRID_M))
+        visited, in_air = self.frames.wanted[rows], np.asarray(~self.frames.present.any(axis=1))
+        visits = memory_frames(self.frames.contact_m, self.frames.force_n, spots, reach_m)
+        past, since_air = (
+            Past(known, np.searchsorted(known, visited)) for known in (visits, frames_since(in_air, visited))
+        )
+        nobody, unknown = np.zeros(len(rows), dtype=np.intp), np.zeros((len(inside), 0), dtype=np.float32)
+        touched = [within(contact.center_m, spots, reach_m).any() for contact in self.skin.sheet.contacts]
+        return Patch(rows, past, since_air, hats, inside, [], nobody, unknown, np.flatnonzero(touched))
+
+    def _pressed(self, close: Indices, relative: Array, row: int) -> Solution:
+        """The solution for ``relative`` conductances (n,) at the points ``close`` and the contacts of a row, those at
+        rest unless they differ much."""
+        sheet = self.rest_relative.copy()
+        sheet[close] = relative
+        usual_ohm, (ohm, share) = self.skin.contact_resistance_ohm, self._contacts_now
+        if np.abs(ohm[row] / usual_ohm - 1).max() < NEAR_CONTACTS:
+            return self._solve(sheet, usual_ohm, self.rest)
+        return self._solve(sheet, ohm[row], share=None if share is None else share[row])
+
+    def _state(
+        self,
+        solution: Solution,
+        relative: Array,
+        elements: Indices,
+        points: Indices,
+        hats: csc_array,
+        leaning: Indices,
+    ) -> State:
+        """A solution's scan and derivatives, by the conductance in the elements, whose points are ``points``, on the
+        patch's grid with its ``hats`` (G,n), ``relative`` (G,) the conductance there, and by contacts of which some
+        may be ``leaning``."""
+        contacts, by_contact = self._by_contact(solution, leaning)
+        return State(
+            self.protocol.whitened(solution.pair_resistance_ohm),
+            relative,
+            contacts,
+            self.by_size(solution, elements, hats, points),
+            self.protocol.whitened(by_contact.T).T,
+            self._rims.sensitivity(solution, self.protocol),
+        )
+
+    def _by_contact(self, solution: Solution, leaning: Indices) -> tuple[Array, Array]:
+        """A solution's contacts (K,) as ``Patch.contacts`` has them, and the derivatives (P,K) of its pairs by them."""
+        model, ohm, share = self.skin.sheet, solution.contact_resistance_ohm, solution.share
+        by_ohm = solution.jacobian_contact_resistance()
+        if not len(leaning):
+            return ohm, by_ohm
+        lean = np.zeros((len(leaning), model.contacts[0].form_count))
+        if share is not None:
+            lean = np.array([model.contacts[k].lean(share[model.cells[k]]) for k in leaning])
+        by_lean = solution.jacobian_contact_lean(leaning) / ohm[leaning, None]
+        by_ohm[:, leaning] -= (by_lean * lean).sum(axis=-1)
+        return np.append(ohm, ohm[leaning, None] * lean), np.hstack([by_ohm, by_lean.reshape(len(by_ohm), -1)])
