@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from ertskin.diagnosis.linear.law_derivatives import conductance_by_law
 from ertskin.diagnosis.linear.patches import Patch, within
-from ertskin.diagnosis.linear.sensitivity import Hats
-from ertskin.diagnosis.linear.solved_states import StateSolver
+from ertskin.diagnosis.linear.sensitivity import Hats, Potentials
+from ertskin.diagnosis.linear.solved_states import UntouchedSheet
 from ertskin.diagnosis.linear.whole_sheet import WholeSheet, on_sheet
 from ertskin.physics.effects.piezo_chain import felt
 from ertskin.physics.skin import Skin
@@ -26,10 +26,13 @@ GRID_M = 4e-3
 
 
 class Elsewhere:
-    """Scans' changes by what the sheet does away from the contacts of the frame in hand."""
+    """Scans' changes by what the sheet does away from a frame's own contacts, about what it is at ``rest``."""
 
-    def __init__(self, states: StateSolver, patches: Sequence[Patch], sheet: WholeSheet) -> None:
-        self.states, self.patches, self.sheet, self.frames = states, patches, sheet, states.frames
+    def __init__(
+        self, untouched: UntouchedSheet, rest: Potentials, patches: Sequence[Patch], sheet: WholeSheet
+    ) -> None:
+        self.untouched, self.rest, self.patches, self.sheet = untouched, rest, patches, sheet
+        self.frames = untouched.frames
         self._latest: tuple[object, Array | None] = (None, None)
 
     def change(self, skin: Skin, force_n: Array) -> list[Array]:
@@ -52,12 +55,11 @@ class Elsewhere:
     def _everywhere(self) -> tuple[Array, Array, NDArray[np.bool_]]:
         """Nodes (H,2) over the whole sheet, derivatives (P,H) at rest by their relative conductance, and which nodes
         each of the wanted frames has within reach of its own contacts (n,H): there the patches tell."""
-        states, frames = self.states, self.frames
-        low, high = states.skin.sensor.extent_m
+        untouched, frames = self.untouched, self.frames
+        low, high = untouched.skin.sensor.extent_m
         hats = Hats(low, high, GRID_M)
-        elements = np.arange(len(states.skin.sheet.weight_m2))
-        values = hats.values(states.points_m)
-        columns = states.by_size(states.rest, elements, values, np.arange(len(states.points_m)))
+        elements, points = np.arange(len(untouched.skin.sheet.weight_m2)), np.arange(len(untouched.points_m))
+        columns = untouched.by_size(self.rest, elements, hats.values(untouched.points_m), points)
         own = np.zeros((len(frames.wanted), len(hats.node_m)), dtype=bool)
         for patch in self.patches:
             own[patch.rows] = within(hats.node_m, frames.spots_m(patch.rows), frames.reach_m)
@@ -84,8 +86,8 @@ class Elsewhere:
     def _warmed_by(self, skin: Skin) -> Array | None:
         """(n,P) change of the scans by what comes and goes in the sheet, about what is usual there; None for none."""
         frames = self.frames
-        somewhere = self.states.points_m[:1], frames.history.time_s[:1], np.zeros(1, dtype=np.intp)
-        if all(one.warmth(*somewhere) is None for one in (skin, self.states.skin)):
+        somewhere = self.untouched.points_m[:1], frames.history.time_s[:1], np.zeros(1, dtype=np.intp)
+        if all(one.warmth(*somewhere) is None for one in (skin, self.untouched.skin)):
             return None
         nodes, columns, _ = self._everywhere
         warmth = skin.warmth(nodes, frames.history.time_s, frames.wanted)

@@ -19,8 +19,9 @@ from ertskin.diagnosis.linear.elsewhere import Elsewhere
 from ertskin.diagnosis.linear.law_derivatives import conductance_by_law
 from ertskin.diagnosis.linear.patches import Indices, Patch, main_forms
 from ertskin.diagnosis.linear.pressed_frames import PressedFrames, motions, of_fabric
+from ertskin.diagnosis.linear.sensitivity import Potentials
 from ertskin.diagnosis.linear.sheet_state import pad_shifts
-from ertskin.diagnosis.linear.solved_states import Progress, StateSolver
+from ertskin.diagnosis.linear.solved_states import Progress, StateSolver, UntouchedSheet
 from ertskin.diagnosis.linear.whole_sheet import Fields, WholeSheet, on_sheet
 from ertskin.physics.effects.effect import Effect, MotionEffect, Stage
 from ertskin.physics.effects.piezo_chain import felt
@@ -72,10 +73,11 @@ class LinearSkin:
         self._moving: tuple[Skin, Array, list[Array]] | None = None
         self._mixing: dict[bool, tuple[Array, list[Array]]] = {}
         self.frames = PressedFrames(skin, history, force_n, self.wanted)
-        states = StateSolver(self.frames)
+        untouched = UntouchedSheet(self.frames)
+        states = StateSolver(untouched)
         self.patches = states.patches(progress or (lambda share, text: None))
         self.sheet = WholeSheet(self.frames, self.patches)
-        self._elsewhere = Elsewhere(states, self.patches, self.sheet)
+        self._elsewhere = Elsewhere(untouched, Potentials.of(states.rest), self.patches, self.sheet)
         self.moments = self._at_moments(progress)
 
     # evaluating ----------------------------------------------------------------------------------------------------

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array, sparray
@@ -57,8 +59,23 @@ def whitening_of_transfer(protocol: Protocol) -> Array:
     return protocol.whitened(pair_resistances(unit)).T
 
 
+@dataclass(frozen=True, eq=False)
+class Potentials:
+    """A solution without what was eliminated for it, most of its size: its ``potential`` (N,L) and ``transfer_ohm``
+    (L,L)."""
+
+    model: SheetModel
+    potential: Array
+    transfer_ohm: Array
+
+    @classmethod
+    def of(cls, solution: Solution) -> Potentials:
+        """Those of a solution."""
+        return cls(solution.model, solution.potential, solution.transfer_ohm)
+
+
 def sheet_sensitivity(
-    solution: Solution, elements: Indices, hats: sparray, whitening: Array, tensors: Array, scale: Array
+    solution: Solution | Potentials, elements: Indices, hats: sparray, whitening: Array, tensors: Array, scale: Array
 ) -> NDArray[np.float32]:
     """(C, P, G) change of the whitened scan in volt for a conductance change hat_g(x) scale(x) A_c, A_c in ``tensors``.
 

@@ -23,7 +23,14 @@ from ertskin.diagnosis.linear.patches import (
     within,
 )
 from ertskin.diagnosis.linear.pressed_frames import PressedFrames
-from ertskin.diagnosis.linear.sensitivity import Hats, PadRims, model_elements, sheet_sensitivity, whitening_of_transfer
+from ertskin.diagnosis.linear.sensitivity import (
+    Hats,
+    PadRims,
+    Potentials,
+    model_elements,
+    sheet_sensitivity,
+    whitening_of_transfer,
+)
 from ertskin.diagnosis.linear.sheet_state import SheetState
 from ertskin.physics.conduction.sheet import Solution
 from ertskin.physics.skin import frames_since
@@ -40,19 +47,45 @@ of a tenth of the signal; every evaluation reads that much less memory."""
 Progress = Callable[[float, str], None]
 
 
+class UntouchedSheet:
+    """The sheet that nothing presses, at the points (N,2) of its skin's mesh, as warm as it usually is."""
+
+    def __init__(self, frames: PressedFrames) -> None:
+        self.frames, self.skin = frames, frames.skin
+        self.points_m = self.skin.sheet.quadrature_m.reshape(-1, 2)
+        self.state = SheetState.of(self.skin, self.points_m)
+        self._whitening = whitening_of_transfer(self.skin.protocol)
+
+    @cached_property
+    def scale_s(self) -> Array:
+        """(N,) size in siemens of its conductance."""
+        sheet = self.skin.sheet
+        warmth = np.repeat(self.frames.usual_warmth(sheet.quadrature_m.mean(axis=1)), sheet.weight_m2.shape[1])
+        return np.asarray(np.exp(self.state.log_size + warmth) / self.skin.piezo.zero_ohm_sq)
+
+    def by_size(
+        self, solution: Solution | Potentials, elements: Indices, hats: sparray, points: Indices
+    ) -> NDArray[np.float32]:
+        """(P,G) derivatives of a solution's scan by the relative size of the conductance, hats (G,n) at points (n,)."""
+        tensor, scale = self.state.tensor, self.scale_s[points]
+        if self.state.even_tensor:
+            return sheet_sensitivity(solution, elements, hats, self._whitening, tensor[:1], scale)[0]
+        parts = [
+            sheet_sensitivity(solution, elements, hats, self._whitening, unit[None], scale * part)[0]
+            for unit, part in zip(np.eye(3), tensor[points].T, strict=True)
+        ]
+        return np.sum(parts, axis=0, dtype=np.float32)
+
+
 class StateSolver:
     """Solves the states of a recording's frames on their skin's mesh, that at ``rest`` first."""
 
-    def __init__(self, frames: PressedFrames) -> None:
-        skin = frames.skin
-        self.frames, self.skin, self.protocol = frames, skin, skin.protocol
-        self.points_m = skin.sheet.quadrature_m.reshape(-1, 2)
-        self.rest_relative = np.ones(len(self.points_m))
-        self._whitening = whitening_of_transfer(skin.protocol)
-        self._rims = PadRims(skin.sheet)
-        self._sheet = SheetState.of(skin, self.points_m)
-        self.rest = self._solve(self.rest_relative, skin.contact_resistance_ohm)
-        self._contacts_now = frames.contacts(skin, frames.force_n, frames.drift(skin))
+    def __init__(self, sheet: UntouchedSheet) -> None:
+        self.sheet, self.frames, self.skin = sheet, sheet.frames, sheet.skin
+        self.protocol = self.skin.protocol
+        self._rims = PadRims(self.skin.sheet)
+        self.rest = self._solve(np.ones(len(sheet.points_m)), self.skin.contact_resistance_ohm)
+        self._contacts_now = self.frames.contacts(self.skin, self.frames.force_n, self.frames.drift(self.skin))
 
     def patches(self, progress: Progress) -> list[Patch]:
         """The patches of the frames, their states solved."""
@@ -69,49 +102,31 @@ class StateSolver:
 
         return in_threads(one, groups)
 
-    def by_size(self, solution: Solution, elements: Indices, hats: sparray, points: Indices) -> NDArray[np.float32]:
-        """(P,G) derivatives of a solution's scan by the relative size of the conductance, hats (G,n) at points (n,)."""
-        tensor, scale = self._sheet.tensor, self._scale_s[points]
-        if self._sheet.even_tensor:
-            return sheet_sensitivity(solution, elements, hats, self._whitening, tensor[:1], scale)[0]
-        parts = [
-            sheet_sensitivity(solution, elements, hats, self._whitening, unit[None], scale * part)[0]
-            for unit, part in zip(np.eye(3), tensor[points].T, strict=True)
-        ]
-        return np.sum(parts, axis=0, dtype=np.float32)
-
     def _solve(
         self, relative: Array, contact_ohm: Array, base: Solution | None = None, share: Array | None = None
     ) -> Solution:
         """Solution for a relative conductance (E*Q,) of the sheet, the skin's own tensor and field included."""
-        conductance = (relative * self._scale_s).reshape(self.skin.sheet.weight_m2.shape)
-        if self._sheet.isotropic and base is not None and np.array_equal(base.contact_resistance_ohm, contact_ohm):
+        conductance = (relative * self.sheet.scale_s).reshape(self.skin.sheet.weight_m2.shape)
+        if self.sheet.state.isotropic and base is not None and np.array_equal(base.contact_resistance_ohm, contact_ohm):
             if np.array_equal(conductance, base.conductivity_s):
                 return base
             return self.skin.sheet.solve_again(conductance, base)
-        return self.skin.sheet.solve(self._sheet.shaped(conductance), contact_ohm, share)
-
-    @cached_property
-    def _scale_s(self) -> Array:
-        """(E*Q,) size in siemens of the untouched sheet's conductance, as warm as it usually is."""
-        sheet = self.skin.sheet
-        warmth = np.repeat(self.frames.usual_warmth(sheet.quadrature_m.mean(axis=1)), sheet.weight_m2.shape[1])
-        return np.asarray(np.exp(self._sheet.log_size + warmth) / self.skin.piezo.zero_ohm_sq)
+        return self.skin.sheet.solve(self.sheet.state.shaped(conductance), contact_ohm, share)
 
     def _patch(self, rows: Indices) -> Patch:
         spots, reach, frames = self.frames.spots_m(rows), self.frames.reach_m, self.frames
         patch = self._around(spots, rows, reach)
-        elements = model_elements(self.skin.sheet, within(self.points_m, spots, reach))
+        elements = model_elements(self.skin.sheet, within(self.sheet.points_m, spots, reach))
         relative = frames.relative(self.skin, frames.force_n, patch)
         state_of, leaders = followers(relative, self._contacts_now[0][rows], self.skin.contact_resistance_ohm)
         per = self.skin.sheet.weight_m2.shape[1]
         points = (elements[:, None] * per + np.arange(per)).ravel()
-        close = points[within(self.points_m[points], spots, reach)]
+        close = points[within(self.sheet.points_m[points], spots, reach)]
         before = patch.past_of(self.skin)
         led = Past(before.frames, before.own[leaders])
-        pressed = frames.relative_at(self.skin, frames.force_n, self.points_m[close], led)
+        pressed = frames.relative_at(self.skin, frames.force_n, self.sheet.points_m[close], led)
         asked = self.skin.sheet.asked_at(elements)
-        columns = patch.hats.values(self.points_m[points])[patch.inside].tocsc()
+        columns = patch.hats.values(self.sheet.points_m[points])[patch.inside].tocsc()
         solved = (
             (self._pressed(close, values, rows[k]).confined(asked), relative[k])
             for k, values in zip(leaders, pressed, strict=True)
@@ -142,7 +157,7 @@ class StateSolver:
     def _pressed(self, close: Indices, relative: Array, row: int) -> Solution:
         """The solution for ``relative`` conductances (n,) at the points ``close`` and the contacts of a row, those at
         rest unless they differ much."""
-        sheet = self.rest_relative.copy()
+        sheet = np.ones(len(self.sheet.points_m))
         sheet[close] = relative
         usual_ohm, (ohm, share) = self.skin.contact_resistance_ohm, self._contacts_now
         if np.abs(ohm[row] / usual_ohm - 1).max() < NEAR_CONTACTS:
@@ -166,7 +181,7 @@ class StateSolver:
             self.protocol.whitened(solution.pair_resistance_ohm),
             relative,
             contacts,
-            self.by_size(solution, elements, hats, points),
+            self.sheet.by_size(solution, elements, hats, points),
             self.protocol.whitened(by_contact.T).T,
             self._rims.sensitivity(solution, self.protocol),
         )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,11 +42,29 @@ def _stacked(change: SheetState) -> Array:
     return np.vstack([np.expm1(change.log_size), change.stretch.T])
 
 
+def _hats(box_m: tuple[float, ...]) -> Hats:
+    low_m, high_m = np.reshape(box_m, (2, 2))
+    return Hats(low_m, high_m, SHEET_GRID_M)
+
+
+@lru_cache(maxsize=4)
+def _onto_hats(box_m: tuple[float, ...]) -> tuple[Array, Array]:
+    """Points (N,2) all over a sheet's box, and the least-squares fit (H,N) of the coarse grid's hats to values there.
+
+    A line between the grid's nodes would not be seen at them.
+    """
+    low_m, high_m = np.reshape(box_m, (2, 2))
+    position_m = Hats(low_m, high_m, SHEET_SAMPLE_M).node_m
+    values = _hats(box_m).values(position_m)
+    return position_m, np.linalg.solve((values @ values.T).toarray(), values.toarray())
+
+
 class WholeSheet:
     """First-order change of the scans of ``patches`` by fields over the whole sheet and its anisotropy."""
 
     def __init__(self, frames: PressedFrames, patches: Sequence[Patch]) -> None:
         self.frames, self.patches, self.skin = frames, patches, frames.skin
+        self._box_m = tuple(map(float, frames.skin.sensor.extent_m.ravel()))
         self._latest: tuple[object, list[Array] | None] = (None, None)
 
     def beyond(self, skin: Skin, position_m: Array) -> SheetState:
@@ -57,7 +75,7 @@ class WholeSheet:
         """``changes`` by the effects on the sheet, remembered for the latest; None where they change nothing."""
         key = on_sheet(skin)
         if self._latest[0] != key:
-            position, onto = self._onto_hats
+            position, onto = _onto_hats(self._box_m)
             change = self.beyond(skin, position)
             self._latest = key, self.changes(_stacked(change) @ onto.T) if change.differs else None
         return self._latest[1]
@@ -65,7 +83,7 @@ class WholeSheet:
     def columns(self, skin: Skin, raised: Skin, by: float, fields: Fields) -> Array | None:
         """(3,H,K) what each of K fields changes of conductance and anisotropy on the coarse grid, those of the effect
         by which ``raised`` is more ``by`` so much everywhere; None for nothing."""
-        position, onto = self._onto_hats
+        position, onto = _onto_hats(self._box_m)
         before, after = (_stacked(self.beyond(each, position)) for each in (skin, raised))
         if not (after - before).any():
             return None
@@ -95,19 +113,7 @@ class WholeSheet:
     @cached_property
     def hats(self) -> Hats:
         """Coarse grid over the whole sheet on which its own field and anisotropy are resolved."""
-        low, high = self.skin.sensor.extent_m
-        return Hats(low, high, SHEET_GRID_M)
-
-    @cached_property
-    def _onto_hats(self) -> tuple[Array, Array]:
-        """Points (N,2) all over the sheet, and the least-squares fit (H,N) of the coarse grid's hats to values there.
-
-        A line between the grid's nodes would not be seen at them.
-        """
-        low, high = self.skin.sensor.extent_m
-        position = Hats(low, high, SHEET_SAMPLE_M).node_m
-        values = self.hats.values(position)
-        return position, np.linalg.solve((values @ values.T).toarray(), values.toarray())
+        return _hats(self._box_m)
 
     @cached_property
     def derivatives(self) -> tuple[NDArray[np.float32], list[NDArray[np.float32] | None]]:
