@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from ertskin.physics.conduction.drifting import DriftedSheets
 from ertskin.physics.conduction.sheet import Resolution, SheetModel, Solution
+from ertskin.physics.contacts import contact_groups, frames_since, in_air, in_contact, memory_frames, within
 from ertskin.physics.effects.effect import (
     AcquisitionEffect,
     Effect,
@@ -128,7 +129,7 @@ class Skin:
     def _spots(self, contact_m: Array, force_n: Array) -> tuple[Array, Array]:
         """Places (S,2) that are pressed, and the force (T,S) in newton that the sheet feels at each."""
         felt_n = self.felt_n(force_n)
-        touching = np.isfinite(contact_m).all(axis=-1) & (felt_n > 0)
+        touching = in_contact(contact_m, felt_n)
         # As complex numbers places are sorted at once.
         known, number = np.unique(contact_m[touching] @ (1, 1j), return_inverse=True)
         spots = np.stack([known.real, known.imag], axis=-1)
@@ -215,7 +216,7 @@ class Skin:
         left = self._left_behind(history.time_s, contact, forces, wanted)
         warmth = self.warmth(self.sheet.quadrature_m.mean(axis=1), history.time_s, wanted)
         result = np.empty((len(wanted), self.protocol.electrodes * (self.protocol.electrodes - 1) // 2))
-        for group in _groups(contact[wanted], forces[wanted]):
+        for group in contact_groups(contact[wanted], forces[wanted]):
             points, conductance = self.pressed_conductance_s(history.time_s, contact, forces, wanted[group])
             for k, row in enumerate(group):
                 sheet = resting.copy()
@@ -235,13 +236,10 @@ class Skin:
     ) -> tuple[NDArray[np.intp], Array]:
         """Quadrature points (n,) within reach of the contacts of frames ``rows`` (m,), which share them, and the
         conductance (m,n) or (m,n,3) there; earlier and later frames that reach the same points count in."""
-        spots = contact_m[rows[0]][_present(contact_m, force_n)[rows].any(axis=0)]
+        spots = contact_m[rows[0]][in_contact(contact_m, force_n)[rows].any(axis=0)]
         position = self.sheet.quadrature_m.reshape(-1, 2)
         reach = self.pressure.radius_m(TAIL)
-        near = np.zeros(len(position), dtype=bool)
-        for spot in spots:
-            near |= ((position - spot) ** 2).sum(axis=1) < reach**2
-        points = np.flatnonzero(near)
+        points = np.flatnonzero(within(position, spots, reach))
         if not len(points):
             return points, np.zeros((len(rows), 0, 3) if self._tensor else (len(rows), 0))
         frames = self._remembered(contact_m, force_n, rows, spots, reach)
@@ -256,14 +254,9 @@ class Skin:
 
         All that pressed near and all in air; where air clears every memory only those since it last did.
         """
-        in_air = self._in_air(contact_m, force_n)
-        if not self.remembers_air:
-            return frames_since(in_air, rows)
-        close = np.zeros(len(contact_m), dtype=bool)
-        for spot in spots:
-            apart = np.nan_to_num(np.hypot(*np.moveaxis(contact_m - spot, -1, 0)), nan=np.inf)
-            close |= (apart < 2 * reach_m).any(axis=1)
-        return np.flatnonzero(close | in_air)
+        if self.remembers_air:
+            return memory_frames(contact_m, force_n, spots, reach_m)
+        return frames_since(in_air(contact_m, force_n), rows)
 
     @property
     def remembers_air(self) -> bool:
@@ -288,11 +281,6 @@ class Skin:
             pressure = self.pressure_pa(middle[few], contact_m, force_n)
             change[:, few] = self.left_behind(time_s, middle[few], pressure, wanted)
         return np.where(np.abs(change) > UNCHANGED, change, 0.0)
-
-    @staticmethod
-    def _in_air(contact_m: Array, force_n: Array) -> NDArray[np.bool_]:
-        """(T,) frames without any contact: memories fade in them."""
-        return np.asarray(~_present(contact_m, force_n).any(axis=1))
 
     @property
     def _tensor(self) -> bool:
@@ -382,15 +370,6 @@ class Skin:
         return voltage
 
 
-def frames_since(event: NDArray[np.bool_], rows: NDArray[np.intp]) -> NDArray[np.intp]:
-    """(n,) frames from the last ``event`` (T,), that one included, to each of the ``rows``, those too."""
-    last = np.maximum.accumulate(np.where(event, np.arange(len(event)), 0))[rows]
-    change = np.zeros(len(event) + 1, dtype=np.intp)
-    np.add.at(change, last, 1)
-    np.add.at(change, rows + 1, -1)
-    return np.flatnonzero(np.cumsum(change)[:-1] > 0)
-
-
 def moments_of(skew: MotionEffect, protocol: Protocol) -> tuple[Array, Array]:
     """Moments (S,) within a scan at which presses that move are solved, and each one's weight (K,S) in the readings."""
     offset = np.asarray(protocol.injection_offset_s)
@@ -409,18 +388,6 @@ def lagrange_weights(nodes: Array, where: Array) -> Array:
         for other in np.delete(nodes, s):
             weights[:, s] *= (where - other) / (node - other)
     return weights
-
-
-def _present(contact_m: Array, force_n: Array) -> NDArray[np.bool_]:
-    return np.asarray(np.isfinite(contact_m).all(axis=-1) & (force_n > 0))
-
-
-def _groups(contact_m: Array, force_n: Array) -> Iterable[NDArray[np.intp]]:
-    """Frames (in recording order) that share the same contacts; those without any are one group."""
-    key = np.where(_present(contact_m, force_n)[..., None], contact_m, np.inf).reshape(len(contact_m), -1)
-    _, number = np.unique(key, axis=0, return_inverse=True)
-    number = number.ravel()
-    return [np.flatnonzero(number == n) for n in range(number.max() + 1)]
 
 
 def _of(effects: Iterable[Effect], kind: type[Kind]) -> list[Kind]:

@@ -12,10 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ertskin.diagnosis.linear.law_derivatives import conductance_by_law
-from ertskin.diagnosis.linear.patches import Patch, within
+from ertskin.diagnosis.linear.patches import Patch
 from ertskin.diagnosis.linear.sensitivity import Hats, Potentials
 from ertskin.diagnosis.linear.solved_states import UntouchedSheet
 from ertskin.diagnosis.linear.whole_sheet import WholeSheet, on_sheet
+from ertskin.physics.contacts import within
 from ertskin.physics.effects.piezo_chain import felt
 from ertskin.physics.skin import Skin
 

@@ -147,37 +147,6 @@ def main_forms(rows: Array) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     return (share[:, kept] * size[kept]).astype(np.float32), form[kept].astype(np.float32)
 
 
-def contact_groups(contact_m: Array, force_n: Array) -> list[Indices]:
-    """Frames (in recording order) that share the same contacts."""
-    key = np.where(in_contact(contact_m, force_n)[..., None], np.round(contact_m, 9), np.inf).reshape(
-        len(contact_m), -1
-    )
-    number = np.unique(key, axis=0, return_inverse=True)[1].ravel()
-    return [np.flatnonzero(number == n) for n in range(number.max() + 1)]
-
-
-def in_contact(contact_m: Array, force_n: Array) -> NDArray[np.bool_]:
-    """(T,C) which contacts (T,C,2) press, with forces (T,C) in newton."""
-    return np.asarray(np.isfinite(contact_m).all(axis=-1) & (force_n > 0))
-
-
-def within(position_m: Array, spots: Array, reach_m: float) -> NDArray[np.bool_]:
-    """(N,) which positions (N,2) lie less than ``reach_m`` from any of the spots (S,2)."""
-    near = np.zeros(len(position_m), dtype=bool)
-    for spot in spots:
-        near |= ((position_m - spot) ** 2).sum(axis=1) < reach_m**2
-    return near
-
-
-def memory_frames(contact_m: Array, force_n: Array, spots: Array, reach_m: float) -> Indices:
-    """Frames in air, and those with a contact so near the spots (S,2) that what it presses overlaps."""
-    close = ~in_contact(contact_m, force_n).any(axis=1)
-    for spot in spots:
-        apart = np.nan_to_num(np.hypot(*np.moveaxis(contact_m - spot, -1, 0)), nan=np.inf)
-        close |= (apart < 2 * reach_m).any(axis=1)
-    return np.flatnonzero(close)
-
-
 def followers(relative: Array, contacts: Array, usual: Array) -> tuple[Indices, list[int]]:
     """Which leader each row follows (n,), and the rows that lead.
 

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ertskin.diagnosis.linear.memory import Memory
-from ertskin.diagnosis.linear.patches import Indices, Past, Patch, in_contact
+from ertskin.diagnosis.linear.patches import Indices, Past, Patch
+from ertskin.physics.contacts import in_contact
 from ertskin.physics.effects.effect import Effect, ElectrodeEffect, FoamEffect, MotionEffect
 from ertskin.physics.effects.piezo_chain import in_fabric
 from ertskin.physics.history import History

@@ -11,17 +11,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csc_array, sparray
 
 from ertskin.cores import in_threads
-from ertskin.diagnosis.linear.patches import (
-    Indices,
-    Past,
-    Patch,
-    State,
-    contact_groups,
-    followers,
-    main_directions,
-    memory_frames,
-    within,
-)
+from ertskin.diagnosis.linear.patches import Indices, Past, Patch, State, followers, main_directions
 from ertskin.diagnosis.linear.pressed_frames import PressedFrames
 from ertskin.diagnosis.linear.sensitivity import (
     Hats,
@@ -33,7 +23,7 @@ from ertskin.diagnosis.linear.sensitivity import (
 )
 from ertskin.diagnosis.linear.sheet_state import SheetState
 from ertskin.physics.conduction.sheet import Solution
-from ertskin.physics.skin import frames_since
+from ertskin.physics.contacts import contact_groups, frames_since, memory_frames, within
 
 Array = NDArray[np.float64]
 
@@ -90,7 +80,7 @@ class StateSolver:
     def patches(self, progress: Progress) -> list[Patch]:
         """The patches of the frames, their states solved."""
         frames = self.frames
-        groups = contact_groups(frames.contact_m[frames.wanted], frames.force_n[frames.wanted])
+        groups = contact_groups(np.round(frames.contact_m[frames.wanted], 9), frames.force_n[frames.wanted])
         done = 0
 
         def one(rows: Indices) -> Patch:

@@ -9,12 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ertskin.cores import in_threads
-from ertskin.diagnosis.linear.patches import Past, Patch, within
+from ertskin.diagnosis.linear.patches import Past, Patch
 from ertskin.diagnosis.linear.pressed_frames import PressedFrames
 from ertskin.diagnosis.linear.sensitivity import Hats, sheet_sensitivity, whitening_of_transfer
 from ertskin.diagnosis.linear.sheet_state import SheetState, displaced
 from ertskin.physics.conduction.mesh import Grading
 from ertskin.physics.conduction.sheet import Resolution, SheetModel
+from ertskin.physics.contacts import within
 from ertskin.physics.effects.effect import Effect, SheetEffect
 from ertskin.physics.skin import Skin
 
