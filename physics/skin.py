@@ -5,7 +5,7 @@ Every stage can carry effects (``ertskin.physics.effects``); without any this is
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, reduce
 from typing import TypeVar
@@ -359,15 +359,18 @@ class Skin:
         """Readings of presses that go on moving: solved at a few moments of a scan, interpolated between."""
         moments, weights = moments_of(skew, self.protocol)
         still = self.known_force_n(history) if force_n is None else force_n
-        at_rest = self.force_n(history)
-        depth = skew.depth_m(history, moments)
         voltage = np.zeros((len(history) if wanted is None else len(wanted), *self.protocol.shape))
-        for s in range(SKEW_NODES):
-            moved = self.force_n(history, depth[:, s])
-            scale = np.where(at_rest > 0, moved / np.where(at_rest > 0, at_rest, 1.0), 1.0)
-            readings = self.protocol.readings(self.pair_resistance_ohm(history, still * scale, wanted))
+        for s, share in enumerate(self.moving_share(history, skew, moments)):
+            readings = self.protocol.readings(self.pair_resistance_ohm(history, still * share, wanted))
             voltage += weights[:, s, None] * readings
         return voltage
+
+    def moving_share(self, history: History, skew: MotionEffect, moments: Array) -> Iterator[Array]:
+        """The part (T,P) of its force that a moving press has at each of the moments (S,) of a scan."""
+        at_rest = self.force_n(history)
+        for depth_m in np.moveaxis(skew.depth_m(history, moments), 1, 0):
+            moved = self.force_n(history, depth_m)
+            yield np.where(at_rest > 0, moved / np.where(at_rest > 0, at_rest, 1.0), 1.0)
 
 
 def moments_of(skew: MotionEffect, protocol: Protocol) -> tuple[Array, Array]:

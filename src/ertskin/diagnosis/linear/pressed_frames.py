@@ -59,19 +59,9 @@ class PressedFrames:
         key = (skew, foam, skin.pad_n_per_m, skin.support_n_per_m)
         known = next((one for one in self._moved if one[0] == key and one[1] is force_n), None)
         if known is None:
-            known = key, force_n, self._forces_at(skin, skew, force_n, moments)
+            known = key, force_n, [force_n * share for share in skin.moving_share(self.history, skew, moments)]
             self._moved = [*self._moved[1 - MOTIONS :], known]
         return known[2]
-
-    def _forces_at(self, skin: Skin, skew: MotionEffect, force_n: Array, moments: Array) -> list[Array]:
-        at_rest = skin.force_n(self.history)
-        depth = skew.depth_m(self.history, moments)
-        result = []
-        for s in range(len(moments)):
-            moved = skin.force_n(self.history, depth[:, s])
-            scale = np.where(at_rest > 0, moved / np.where(at_rest > 0, at_rest, 1.0), 1.0)
-            result.append(force_n * scale)
-        return result
 
     def memory(self, force_n: Array) -> Memory:
         """The memory of what some forces do; those of the latest motions are kept, at each of their moments."""
