@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -228,17 +228,9 @@ class HeldOut:
 
     def as_builtins(self) -> dict[str, Any]:
         """As ``diagnosis.json`` wants it."""
-        force = None
-        if self.force_before_n is not None:
-            force = {"rmse_before_n": self.force_before_n, "rmse_after_n": self.force_after_n}
-        return {
-            "split": self.split,
-            "noise_rms_v": self.noise_rms_v,
-            "ratio_before": self.ratio_before,
-            "ratio_after": self.ratio_after,
-            "p_value": self.p_value,
-            "force": force,
-        }
+        found = asdict(self)
+        force = {"rmse_before_n": found.pop("force_before_n"), "rmse_after_n": found.pop("force_after_n")}
+        return found | {"force": None if self.force_before_n is None else force}
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ Technometrics 37 (1995) 60).
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from functools import reduce
 from typing import Any
 
@@ -56,13 +56,7 @@ class Design:
 
     def as_builtins(self) -> dict[str, Any]:
         """As ``diagnosis.json`` and ``ertskin record plan=...`` have it."""
-        return {
-            "position_m": list(self.position_m),
-            "depth_m": self.depth_m,
-            "hold_s": self.hold_s,
-            "speed_m_per_s": self.speed_m_per_s,
-            "cycles": self.cycles,
-        }
+        return asdict(self) | {"position_m": list(self.position_m)}
 
     @property
     def duration_s(self) -> float:
