@@ -11,12 +11,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from functools import reduce
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ertskin.diagnosis.linear.sheet_state import displaced
 from ertskin.hardware.plan import Plan, plan_from_presses
 from ertskin.physics.conduction.mesh import Grading
 from ertskin.physics.conduction.sheet import Resolution, SheetModel
@@ -118,7 +118,7 @@ def next_press(
     """
     if not rivals:
         return None
-    coarse = [_coarse(s) for s in (skin, *rivals.values())]
+    coarse = [replace(s, sheet=SheetModel(displaced(s), COARSE)) for s in (skin, *rivals.values())]
     known: dict[Design, float] = {}
 
     def worst_case(design: Design) -> float:
@@ -286,9 +286,3 @@ def _spread(count: int, early: bool) -> NDArray[np.intp]:
 
 def _at_speed(effect: Effect, speed_m_per_s: float) -> Effect:
     return effect.at_speed(speed_m_per_s) if isinstance(effect, MotionEffect) and effect.moves else effect
-
-
-def _coarse(skin: Skin) -> Skin:
-    moved = [effect for effect in skin.effects if isinstance(effect, ElectrodeEffect)]
-    sensor = reduce(lambda s, e: e.geometry(s), moved, skin.sensor)
-    return replace(skin, sheet=SheetModel(sensor, COARSE))

@@ -9,8 +9,9 @@ import numpy as np
 from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
+from ertskin.diagnosis.linear.sheet_state import displaced
 from ertskin.physics.calibration.moduli import moduli_groups, with_moduli
-from ertskin.physics.effects.effect import Effect, ElectrodeEffect
+from ertskin.physics.effects.effect import Effect
 from ertskin.physics.mechanics.pressure import InterfacePressure
 from ertskin.physics.mechanics.radial_kernel import RadialKernel
 from ertskin.physics.mechanics.stiffness import sensor_stiffness_n_per_m
@@ -110,11 +111,7 @@ class SkinFamily:
     def remeshed(self, calibration: Calibration, effects: Sequence[Effect]) -> Skin:
         """The same on a mesh of its own where its electrodes are displaced."""
         skin = self.skin(calibration, effects)
-        real = skin.sensor
-        for effect in effects:
-            if isinstance(effect, ElectrodeEffect):
-                real = effect.geometry(real)
-        if real.electrodes_as(skin.sensor):
+        if displaced(skin).electrodes_as(skin.sensor):
             return skin
         built = Skin.build(
             skin.sensor,
