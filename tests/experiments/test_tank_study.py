@@ -45,7 +45,7 @@ def test_a_map_like_the_truth_correlates_fully(run):
     hats = Hats(np.array([-0.1, -0.1]), np.array([0.1, 0.1]), 0.005)
     inside = np.ones(len(hats.node_m), dtype=bool)
     height = hats.node_m[:, 1]
-    one = InclusionMap(hats, inside, height, 1.0, 0.0, 0.0, 1)
+    one = InclusionMap(hats, inside, height, 1.0, 0.0, 0.0)
     place_m = np.random.default_rng(0).uniform(-0.09, 0.09, (200, 2))
     assert run.correlation(one, place_m, 3 * place_m[:, 1] + 1) == pytest.approx(1.0)
     assert run.correlation(one, place_m, -place_m[:, 1]) == pytest.approx(-1.0)

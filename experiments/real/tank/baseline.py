@@ -31,7 +31,5 @@ def one_step(imaging: Imaging, voltage_v: Array, variance_v2: Array | None = Non
         misfit = float(outside + (((1 - kept) * along) ** 2).sum())
         log_ratio = np.linalg.solve(root.T, right.T @ (kept / size * along))
         variation = float(log_ratio @ rough @ log_ratio)
-        maps.append(
-            InclusionMap(imaging.hats, imaging.inside, log_ratio, float(weight), misfit, variation, len(measured))
-        )
+        maps.append(InclusionMap(imaging.hats, imaging.inside, log_ratio, float(weight), misfit, variation))
     return bend(maps)

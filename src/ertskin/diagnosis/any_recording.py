@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 from threadpoolctl import threadpool_limits
 
-from ertskin.diagnosis.contract.claims import Diagnosis, HeldOut
 from ertskin.diagnosis.criteria import DEFAULT, Criteria
-from ertskin.diagnosis.judge.result import Findings
-from ertskin.diagnosis.search.selection import select
+from ertskin.diagnosis.judge.result import Findings, refused
+from ertskin.diagnosis.search.selection import Report, select
 from ertskin.diagnosis.skin import Selector, diagnose
 from ertskin.hardware.recording import Recording
-
-Report = Callable[[float | None, str], None]
 
 
 def diagnose_any(
@@ -40,16 +35,12 @@ def _partial(recording: Recording, name: str, criteria: Criteria) -> Findings | 
 
         return diagnose_specimen(recording.specimen, name, criteria)
     if recording.frames is not None and recording.protocol is None:
-        return _refused(name, "the recording has no protocol: what a reading means is unknown")
+        return refused(name, "the recording has no protocol: what a reading means is unknown")
     pressed = recording.frames is not None and bool(recording.frames.history.touched.any())
     if recording.frames is not None and recording.sensor is not None and recording.specimen is None and not pressed:
         from ertskin.diagnosis.tank.diagnosis import diagnose_tank
 
         return diagnose_tank(recording, name, criteria)
     if recording.frames is None:
-        return _refused(name, "the recording holds neither frames nor a coupon or specimen")
+        return refused(name, "the recording holds neither frames nor a coupon or specimen")
     return None
-
-
-def _refused(name: str, reason: str) -> Findings:
-    return Findings(Diagnosis(name, "cannot_tell", HeldOut("none", None, None, None, None), reason=reason))

@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from ertskin.diagnosis.contract.claims import Diagnosis, HeldOut, Rival
+from ertskin.diagnosis.contract.claims import Diagnosis, Rival
 from ertskin.diagnosis.criteria import DEFAULT, Criteria
 from ertskin.diagnosis.design.doubtful_claim import settling_press
 from ertskin.diagnosis.fit.full_solution_check import Problem, exact, settled
@@ -22,7 +22,7 @@ from ertskin.diagnosis.judge.held_out import Predictions, predictions, ratio
 from ertskin.diagnosis.judge.quantities import with_fields_of_all_presses, with_quantities
 from ertskin.diagnosis.judge.remainder import remainder
 from ertskin.diagnosis.judge.repeatability import Repeatability, repeatability
-from ertskin.diagnosis.judge.result import Findings
+from ertskin.diagnosis.judge.result import Findings, refused
 from ertskin.diagnosis.judge.undetermined_field import ratio_with_what_is_unknown
 from ertskin.diagnosis.linear.calibration_vector import SHAPE, Calibration, SkinFamily
 from ertskin.diagnosis.linear.linear_skin import LinearSkin
@@ -32,7 +32,7 @@ from ertskin.diagnosis.rest.baseline import Baseline, calibrated
 from ertskin.diagnosis.search.chosen import Selection
 from ertskin.diagnosis.search.foretold import that_foretells
 from ertskin.diagnosis.search.form_error import form_error
-from ertskin.diagnosis.search.selection import select, selected_again
+from ertskin.diagnosis.search.selection import Report, select, selected_again
 from ertskin.diagnosis.search.trials import rms_of
 from ertskin.hardware.recording import Recording
 from ertskin.physics.conduction.mesh import MeshError
@@ -42,7 +42,6 @@ from ertskin.physics.skin import Skin
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
-Report = Callable[[float | None, str], None]
 Selector = Callable[..., Selection]
 """With the arguments of ``select``."""
 Shown = Sequence[tuple[Term, tuple[Rival, ...]]]
@@ -72,7 +71,7 @@ def diagnose(
         reason = "no sheet with contacts gives such readings: check wiring, injected currents and units"
     except MeshError as error:
         reason = f"the sheet can't be meshed: {error}"
-    return Findings(Diagnosis(name, "cannot_tell", HeldOut("none", None, None, None, None), reason=reason))
+    return refused(name, reason)
 
 
 def _diagnose(

@@ -39,9 +39,9 @@ MOVED = {
     "search/gain.py": {"INDISPENSABLE"},
     "search/smooth_fields.py": {"SIGNIFICANT"},
     "search/trials.py": {"SIGNIFICANT", "MATERIAL"},
-    "specimen/agreement.py": {"OFF", "NOTICED"},
     "specimen/fit.py": {"SIGNIFICANT", "MATERIAL", "FORM"},
     "specimen/presses.py": {"MOSTLY"},
+    "specimen/signal.py": {"OFF", "NOTICED"},
     "tank/diagnosis.py": {"SIGNIFICANT", "WORTH_SAYING"},
     "tank/displaced_electrodes.py": {"SUREST"},
 }

@@ -26,16 +26,14 @@ from ertskin.diagnosis.coupon.compression import Compression, prepared
 from ertskin.diagnosis.coupon.figures import coupon_figure
 from ertskin.diagnosis.coupon.fit import CouponModel, elastic_model, fit_coupon, memory, rmse_n
 from ertskin.diagnosis.criteria import DEFAULT, Criteria
-from ertskin.diagnosis.judge.partial_result import DrawnFindings
 from ertskin.diagnosis.judge.quantities import Spread, stated
-from ertskin.diagnosis.judge.result import Findings
+from ertskin.diagnosis.judge.result import DrawnFindings, Findings, refused
 from ertskin.hardware.measurement import Coupon
 from ertskin.physics.effects.effect import FoamEffect, Start
 from ertskin.physics.effects.hypothesis import Signal
 from ertskin.physics.effects.registry import effects_shown_by
 from ertskin.physics.effects.standard import Standard
 
-Array = NDArray[np.float64]
 Rows = NDArray[np.bool_]
 
 STARTS: dict[str, tuple[Start, ...]] = {
@@ -80,9 +78,7 @@ def diagnose_coupon(coupon: Coupon, name: str, criteria: Criteria = DEFAULT) -> 
     test = prepared(coupon)
     cycles = np.unique(test.cycle[test.fast & (test.cycle > 0)])
     if len(cycles) < 3:
-        held = HeldOut("none", None, None, None, None)
-        reason = f"{len(cycles)} loading cycle{'s' * (len(cycles) != 1)}: nothing is left to predict"
-        return Findings(Diagnosis(name, "cannot_tell", held, reason=reason))
+        return refused(name, f"{len(cycles)} loading cycle{'s' * (len(cycles) != 1)}: nothing is left to predict")
     fitted, out, split = regimes(test)
     elastic = elastic_model([test], [fitted])
     noise = coupon_noise_n(test)

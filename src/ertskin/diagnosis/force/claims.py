@@ -10,12 +10,13 @@ from numpy.typing import NDArray
 from ertskin.diagnosis.contract.claims import Claim, Estimate, Rival, against, estimate
 from ertskin.diagnosis.criteria import Criteria
 from ertskin.diagnosis.force.fit import ForceData, ForceFit, fit_force, force_starts
-from ertskin.diagnosis.force.indistinguishable import distinguishable
 from ertskin.diagnosis.judge.confidence import left_over_of_force
 from ertskin.diagnosis.recording.evidence import Evidence
 from ertskin.diagnosis.rest.baseline import Baseline
 from ertskin.diagnosis.search.chosen import Selection
-from ertskin.physics.effects.effect import Start
+from ertskin.physics.effects.effect import Effect, Start
+from ertskin.physics.effects.hypothesis import Need
+from ertskin.physics.history import History, Phase
 
 Indices = NDArray[np.intp]
 
@@ -121,6 +122,25 @@ def _rivals(data: ForceData, best: ForceFit, rest: list[Start], term: Start) -> 
             short = min(short, 0.0)
         rivals.append(Rival(replaced.effects[-1], short))
     return tuple(rivals)
+
+
+def distinguishable(one: Effect, other: Effect, history: History) -> bool:
+    """Whether the presses of ``history`` can tell two effects from one another.
+
+    Two that push back less on the way out differ only on a second way in at the same place.
+    """
+    return not all(Need.RELOADING in effect.hypothesis.needs for effect in (one, other)) or _reloaded(history)
+
+
+def _reloaded(history: History) -> bool:
+    """Whether the pad is loaded again somewhere: in another press of the same place, or within a press."""
+    place = history.spot[:, 0]
+    touched = history.touched[:, 0] & (place >= 0)
+    presses = np.unique(np.stack([place[touched], history.press[touched]], axis=1), axis=0)
+    if len(np.unique(presses[:, 0])) < len(presses):
+        return True
+    same = history.press[1:] == history.press[:-1]
+    return bool((same & (history.phase[:-1] == Phase.UNLOADING) & (history.phase[1:] == Phase.LOADING)).any())
 
 
 def _estimates(best: ForceFit, term: Start) -> dict[str, Estimate]:

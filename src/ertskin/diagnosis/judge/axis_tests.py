@@ -15,8 +15,6 @@ from ertskin.physics.protocol import Protocol
 
 Array = NDArray[np.float64]
 
-AXES = ("force", "history", "place", "time", "electrode")
-
 
 @dataclass(frozen=True)
 class AxisTest:

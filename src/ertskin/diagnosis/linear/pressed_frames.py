@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ertskin.diagnosis.linear.memory import Memory
 from ertskin.diagnosis.linear.patches import Indices, Past, Patch
 from ertskin.physics.contacts import in_contact
-from ertskin.physics.effects.effect import Effect, ElectrodeEffect, FoamEffect, MotionEffect
+from ertskin.physics.effects.effect import Effect, ElectrodeEffect, FoamEffect, MotionEffect, PlacementEffect
 from ertskin.physics.effects.piezo_chain import in_fabric
 from ertskin.physics.history import History
 from ertskin.physics.skin import TAIL, Skin
@@ -33,6 +32,30 @@ def motions(effects: Sequence[Effect]) -> list[MotionEffect]:
 def of_fabric(skin: Skin) -> tuple[object, ...]:
     """What, under given pressures, a fabric's resistance over that at rest depends on."""
     return skin.piezo.coefficients.tobytes(), skin.piezo.max_stress_pa, tuple(in_fabric(skin.effects))
+
+
+@dataclass(eq=False)
+class Memory:
+    """What was computed last under the forces ``force_n`` (T,C): most parameters that a fit moves leave most of it as
+    it is.
+
+    ``pressures`` by points and frames, ``relative`` and ``change`` by patch; ``regime``: pressure field and mechanics
+    that they belong to. ``still``: a skin and its scans (n,P).
+    """
+
+    force_n: Array
+    regime: tuple[object, tuple[Effect, ...]] = (None, ())
+    pressures: dict[tuple[bytes, bytes], Array] = field(default_factory=dict)
+    relative: dict[int, tuple[object, Array]] = field(default_factory=dict)
+    change: dict[int, tuple[object, NDArray[np.float32]]] = field(default_factory=dict)
+    still: tuple[Skin, Array] | None = None
+
+    def settle(self, skin: Skin) -> None:
+        """Forget the pressures of another pressure field or other mechanics."""
+        placement = tuple(e for e in skin.effects if isinstance(e, PlacementEffect | FoamEffect))
+        if not (self.regime[0] is skin.pressure and self.regime[1] == placement):
+            self.pressures, self.relative, self.change = {}, {}, {}
+            self.regime = skin.pressure, placement
 
 
 class PressedFrames:

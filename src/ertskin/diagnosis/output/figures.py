@@ -16,9 +16,8 @@ from numpy.typing import NDArray
 
 from ertskin.diagnosis.contract.claims import FieldMap
 from ertskin.diagnosis.judge.axis_tests import AxisTest
-from ertskin.diagnosis.judge.partial_result import Drawing, DrawnFindings
-from ertskin.diagnosis.judge.result import Findings
-from ertskin.diagnosis.output.backprojection import backprojected
+from ertskin.diagnosis.judge.result import Drawing, DrawnFindings, Findings
+from ertskin.diagnosis.linear.linear_skin import LinearSkin
 from ertskin.report.figures.image import save_png
 from ertskin.report.figures.style import BLUE, ERROR_MAP, GREEN, INK, ORANGE, panels, styled
 from ertskin.report.figures.taxel_map import draw_taxels
@@ -27,6 +26,8 @@ from ertskin.report.words import words_of
 Array = NDArray[np.float64]
 
 FOLDER = "figures"
+PRIOR = 0.02
+"""Standard deviation, beforehand, of the relative change of conductance at a node of the grid."""
 PHASES = ((1, "^", "loading", BLUE), (2, "o", "hold", GREEN), (3, "v", "unloading", ORANGE))
 
 
@@ -154,7 +155,7 @@ def _projected(findings: Findings, touched: NDArray[np.bool_]) -> Figure:
     shown = [(rows, title) for rows, title in ((~touched, "at rest"), (touched, "under presses")) if rows.any()]
     figure, axes = panels(len(shown), width=4.9, height=3.9)
     for axis, (rows, title) in zip(axes, shown, strict=True):
-        node_m, change = backprojected(linear, findings.residual_before[rows], findings.evidence.noise_v)
+        node_m, change = _backprojected(linear, findings.residual_before[rows], findings.evidence.noise_v)
         shape = tuple(len(a) for a in reversed(linear.sheet.hats.axes))
         top = max(100 * float(np.abs(change).max()), 1e-3)
         x, y = (1e3 * node_m[:, k].reshape(shape) for k in range(2))
@@ -164,6 +165,18 @@ def _projected(findings: Findings, touched: NDArray[np.bool_]) -> Figure:
         _sheet(axis, findings, title)
         figure.colorbar(image, ax=axis, shrink=0.85, label="change of conductance / %")
     return figure
+
+
+def _backprojected(linear: LinearSkin, residual: Array, noise_v: float) -> tuple[Array, Array]:
+    """Nodes (H,2) in metre, relative change of conductance (H,) most likely behind the mean residual of frames (n,P).
+
+    ``residual`` in units of the noise. One linear step about the resting sheet with white noise and a white prior:
+    Gauss-Newton imaging (Adler and Guardo, IEEE Trans. Med. Imaging 15 (1996) 170).
+    """
+    derivative = linear.sheet.derivatives[0][:, 0].astype(float) / noise_v
+    mean, frames = residual.mean(axis=0), len(residual)
+    hessian = frames * derivative.T @ derivative + np.eye(derivative.shape[1]) / PRIOR**2
+    return linear.sheet.hats.node_m, np.asarray(np.linalg.solve(hessian, frames * derivative.T @ mean))
 
 
 def _mapped(findings: Findings) -> list[tuple[str, FieldMap]]:

@@ -8,8 +8,6 @@ from numpy.typing import NDArray
 from ertskin.diagnosis.recording.evidence import LEAST_FREEDOM, leftover_freedom
 from ertskin.physics.protocol import Protocol
 
-Array = NDArray[np.float64]
-
 MORE = 1.25
 """Times the scatter of the channel in the middle: of 36 recordings the largest of sound channels has 1.12."""
 SURELY = 5.0

@@ -36,7 +36,7 @@ from ertskin.diagnosis.search.trials import (
     worth_a_name,
     worthy,
 )
-from ertskin.diagnosis.specimen.agreement import remembers_alike
+from ertskin.diagnosis.specimen.signal import remembers_alike
 from ertskin.physics.conduction.mesh import MeshError
 from ertskin.physics.effects.effect import ElectrodeEffect
 from ertskin.physics.effects.piezo_chain import in_fabric

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from ertskin.diagnosis.contract.claims import Claim, Diagnosis, HeldOut, confidences, estimate, verdict_of
 from ertskin.diagnosis.criteria import DEFAULT, Criteria
 from ertskin.diagnosis.judge.quantities import Spread, stated
-from ertskin.diagnosis.judge.result import Findings
+from ertskin.diagnosis.judge.result import Findings, refused
 from ertskin.diagnosis.specimen.fit import SpecimenFinding, specimen_findings
 from ertskin.diagnosis.specimen.logarithmic import LogarithmicTest
 from ertskin.diagnosis.specimen.presses import Presses, presses
@@ -44,8 +44,7 @@ def diagnose_specimen(specimen: Specimen, name: str, criteria: Criteria = DEFAUL
     """Which memory a specimen's first presses show, and how well the last ones are predicted with it and without."""
     reason = _unusable(specimen)
     if reason:
-        held = HeldOut("none", None, None, None, None)
-        return Findings(Diagnosis(name, "cannot_tell", held, reason=reason))
+        return refused(name, reason)
     test, press = _thinned(specimen)
     noise = _noise(specimen.sheet_resistance_ohm_sq)
     each = presses(test, press, criteria)

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ertskin.diagnosis.criteria import Criteria
+from ertskin.diagnosis.specimen.fit import SpecimenTest
 from ertskin.hardware.recording import Specimen
-from ertskin.physics.effects.effect import PiezoEffect
+from ertskin.physics.effects.effect import Effect, PiezoEffect
+from ertskin.physics.effects.hypothesis import Axis
 from ertskin.physics.effects.piezo_chain import fabric_ohm_sq
 from ertskin.physics.skin import Skin
 
@@ -45,3 +49,18 @@ class SpecimenSignal:
         nowhere, extent = np.zeros((1, 2)), skin.sensor.extent_m
         fabric = fabric_ohm_sq(skin.piezo, self.effects, self.stress_pa[:, None], nowhere, self.time_s, extent)
         return fabric[:, 0] / skin.piezo.zero_ohm_sq
+
+
+def remembers_alike(specimen: SpecimenSignal, effects: Sequence[Effect], criteria: Criteria) -> bool:
+    """Whether what the skin's ``effects`` make of the fabric is what the specimen shows, the law fitted anew."""
+    # Where on the sheet the specimen would lie nobody knows.
+    skin = [e for e in effects if isinstance(e, PiezoEffect) and Axis.PLACE not in e.hypothesis.axes]
+    test = SpecimenTest(specimen.stress_pa, specimen.resistance_ohm_sq, specimen.time_s)
+
+    def mean_square(chain: Sequence[PiezoEffect]) -> float:
+        return float((test.residual(chain) ** 2).mean())
+
+    own = mean_square(specimen.effects)
+    wrong = np.sqrt(max(mean_square(skin) - own, 0.0))
+    size = np.sqrt(max(mean_square(()) - own, 0.0))
+    return bool(wrong <= criteria.specimen_difference * max(size, np.sqrt(own)))

@@ -17,8 +17,7 @@ from scipy.stats import f as f_distribution
 
 from ertskin.diagnosis.contract.claims import QUANTILE, Claim, Diagnosis, Estimate, HeldOut, verdict_of
 from ertskin.diagnosis.criteria import DEFAULT, Criteria
-from ertskin.diagnosis.judge.partial_result import Drawing, DrawnFindings
-from ertskin.diagnosis.judge.result import Findings
+from ertskin.diagnosis.judge.result import Drawing, DrawnFindings, Findings, refused
 from ertskin.diagnosis.tank.displaced_electrodes import placed, with_placement
 from ertskin.diagnosis.tank.electrode_error import (
     LEVEL,
@@ -71,7 +70,7 @@ def diagnose_tank(recording: Recording, name: str, criteria: Criteria = DEFAULT)
     voltage = completed(protocol, np.asarray(recording.frames.voltage_v, dtype=float))
     reason = _unusable(protocol, voltage)
     if reason:
-        return Findings(Diagnosis(name, "cannot_tell", HeldOut("none", None, None, None, None), reason=reason))
+        return refused(name, reason)
     errors = blamed(protocol, voltage[0])
     mended = voltage[0]
     for weight in errors.weights(protocol):

@@ -46,7 +46,7 @@ ISOTROPIC = np.array([[1.0, 0.0, 1.0]])
 class InclusionMap:
     """The map on grid nodes (G,2): ``log_ratio`` (G,) of the conductivity to the empty sheet's.
 
-    ``misfit``: chi-square of the ``seen`` reciprocal numbers fitted, under a ``weight`` of the map's ``variation``.
+    ``misfit``: chi-square of the reciprocal numbers fitted, under a ``weight`` of the map's ``variation``.
     """
 
     hats: Hats
@@ -55,7 +55,6 @@ class InclusionMap:
     weight: float
     misfit: float
     variation: float
-    seen: int
 
     def at(self, position_m: Array) -> Array:
         """(n,) log ratio at positions (n,2) in metre; NaN beyond the grid."""
@@ -114,7 +113,7 @@ class Imaging:
                     break
             residual = measured - space.design @ self._change_ohm(self.solve(log_ratio))
             misfit, variation = float(residual @ residual), float(self._variation(log_ratio).sum())
-            yield InclusionMap(self.hats, self.inside, log_ratio, weight, misfit, variation, len(measured))
+            yield InclusionMap(self.hats, self.inside, log_ratio, weight, misfit, variation)
 
     def jacobian(self, solution: Solution, transfer: Array) -> Array:
         """(n,G) by the log ratio, of coordinates whose derivatives by the transfer matrix's lower triangle (n,·) are

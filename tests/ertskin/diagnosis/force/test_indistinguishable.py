@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ertskin.diagnosis.force.indistinguishable import distinguishable
+from ertskin.diagnosis.force.claims import distinguishable
 from ertskin.physics.effects.foam_hysteresis import FoamHysteresis
 from ertskin.physics.effects.foam_softening import FoamSoftening
 from ertskin.physics.effects.viscoelastic_foam import ViscoelasticFoam

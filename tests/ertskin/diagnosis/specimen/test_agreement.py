@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from ertskin.diagnosis.criteria import DEFAULT
-from ertskin.diagnosis.specimen.agreement import remembers_alike
-from ertskin.diagnosis.specimen.signal import SpecimenSignal
+from ertskin.diagnosis.specimen.signal import SpecimenSignal, remembers_alike
 from ertskin.physics.effects.effect import PiezoEffect
 from ertskin.physics.effects.piezo_creep import PiezoCreep
 from ertskin.physics.effects.piezo_hysteresis import PiezoHysteresis

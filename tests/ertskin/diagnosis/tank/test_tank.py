@@ -147,7 +147,7 @@ def correlation(found: InclusionMap) -> float:
 )
 def test_the_bend_of_the_curve(misfits: list[float], variations: list[float], chosen: int):
     pairs = zip(misfits, variations, strict=True)
-    maps = [InclusionMap(GRID, np.ones(4, dtype=bool), np.zeros(4), 1.0, m, v, 9) for m, v in pairs]
+    maps = [InclusionMap(GRID, np.ones(4, dtype=bool), np.zeros(4), 1.0, m, v) for m, v in pairs]
     assert bend(maps) is maps[chosen]
 
 
