@@ -65,11 +65,7 @@ class VoltageProblem:
 
     def __post_init__(self) -> None:
         moving = np.flatnonzero(self.weight > 0)
-        chosen = (
-            moving[np.linspace(0, len(moving) - 1, min(len(moving), LEFTOVER_FRAMES)).astype(int)]
-            if len(moving)
-            else moving
-        )
+        chosen = moving[np.linspace(0, len(moving) - 1, min(len(moving), LEFTOVER_FRAMES)).astype(int)]
         self.acquisition = AcquisitionSignal(self.evidence, self.linear, np.unique(chosen))
         self.leftover_share = len(moving) / max(1, len(self.acquisition.rows))
         self.cell_count = int(self.cells.max()) + 1
