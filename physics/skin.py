@@ -377,11 +377,9 @@ def moments_of(skew: MotionEffect, protocol: Protocol) -> tuple[Array, Array]:
     """Moments (S,) within a scan at which presses that move are solved, and each one's weight (K,S) in the readings."""
     offset = np.asarray(protocol.injection_offset_s)
     moments = np.linspace(offset.min(), offset.max(), SKEW_NODES)
-    if not skew.straight:
-        return moments, lagrange_weights(moments, offset)
-    weights = np.zeros((len(offset), SKEW_NODES))
-    weights[:, [0, -1]] = lagrange_weights(moments[[0, -1]], offset)
-    return moments, weights
+    if skew.straight:
+        moments = moments[[0, -1]]
+    return moments, lagrange_weights(moments, offset)
 
 
 def lagrange_weights(nodes: Array, where: Array) -> Array:

@@ -203,9 +203,12 @@ class AcquisitionSignal:
         shape = (len(self.rows), *protocol.shape)
         if not skew or protocol.injection_offset_s is None:
             return (linear.still_scans(skin, linear.force_n)[self.rows] @ basis.T).reshape(shape)
-        moments, weights = moments_of(skew[0], protocol)
-        still = linear.skewed(skin, skew[0], linear.force_n, moments)
-        parts = (weights[:, s, None] * (still[s][self.rows] @ basis.T).reshape(shape) for s in range(len(moments)))
+        weights = moments_of(skew[0], protocol)[1]
+        still = linear.skewed(skin, linear.force_n)
+        parts = (
+            part[:, None] * (one[self.rows] @ basis.T).reshape(shape)
+            for part, one in zip(weights.T, still, strict=True)
+        )
         return reduce(np.add, parts)
 
     def residual(self, skin: Skin) -> Array:

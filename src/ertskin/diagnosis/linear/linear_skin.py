@@ -71,63 +71,68 @@ class LinearSkin:
         self.protocol = skin.protocol
         self._latest_field: dict[int, tuple[object, Array]] = {}
         self._moving: tuple[Skin, Array, list[Array]] | None = None
-        self._mixing: dict[bool, tuple[Array, list[Array]]] = {}
+        self._mixing: dict[bool, list[Array]] = {}
         self.frames = PressedFrames(skin, history, force_n, self.wanted)
+        moments, forces = self._moved(skin, force_n, whole=True)
         untouched = UntouchedSheet(self.frames)
         states = StateSolver(untouched)
-        self.patches = states.patches(progress or (lambda share, text: None))
+        self.patches, *moved = states.patches([force_n, *forces], progress or (lambda share, text: None))
+        self._patches_at = dict(zip(moments, moved, strict=True))
         self.sheet = WholeSheet(self.frames, self.patches)
         self._elsewhere = Elsewhere(untouched, Potentials.of(states.rest), self.patches, self.sheet)
-        self.moments = self._at_moments(progress)
+
+    def _moved(self, skin: Skin, force_n: Array, whole: bool = False) -> tuple[list[float], list[Array]]:
+        """The moments of a scan at which presses that move are looked at, the ``whole`` way however readings run, and
+        the forces (T,C) then; none where nothing moves."""
+        skew = self._motion(skin)
+        if skew is None:
+            return [], []
+        moments = moments_of(replace(skew, straight=False) if whole else skew, self.protocol)[0]
+        return moments.tolist(), self.frames.moved_forces(skin, skew, force_n, moments)
+
+    def _motion(self, skin: Skin) -> MotionEffect | None:
+        """How a skin's presses move during a scan, where its injections are timed; None where they don't."""
+        timed = self.protocol.injection_offset_s is not None
+        return next(iter(motions(skin.effects)), None) if timed else None
 
     # evaluating ----------------------------------------------------------------------------------------------------
 
     def scans(self, skin: Skin, force_n: Array | None = None) -> Array:
         """(n,P) whitened scans of the wanted frames for another calibration and other effects, scan skew included."""
-        force = self.force_n if force_n is None else force_n
-        skew = motions(skin.effects)
-        if not skew or self.protocol.injection_offset_s is None:
+        force, skew = self.force_n if force_n is None else force_n, self._motion(skin)
+        if skew is None:
             return self.still_scans(skin, force)
-        moments, mixing = self.skew_mixing(skew[0])
-        return sum(still @ mix.T for still, mix in zip(self.skewed(skin, skew[0], force, moments), mixing, strict=True))  # type: ignore[return-value]
+        return sum(still @ mix.T for still, mix in zip(self.skewed(skin, force), self.mixing(skew), strict=True))  # type: ignore[return-value]
 
-    def skewed(self, skin: Skin, skew: MotionEffect, force_n: Array, moments: Array) -> list[Array]:
+    def skewed(self, skin: Skin, force_n: Array) -> list[Array]:
         """Whitened scans (n,P) the skin would give standing still at each of the moments (S,) of its motion."""
         if self._moving is None or not _same_network(skin, self._moving[0]) or self._moving[1] is not force_n:
-            forces = self.frames.moved_forces(skin, skew, force_n, moments)
-            about = self.moments or [self] * len(forces)
-            found = [linear.still_scans(skin, force) for linear, force in zip(about, forces, strict=True)]
-            self._moving = skin, force_n, found
+            self._moving = skin, force_n, [self.still_scans(skin, *moment) for moment in self._moments(skin, force_n)]
         return self._moving[2]
 
-    def skew_mixing(self, skew: MotionEffect) -> tuple[Array, list[Array]]:
-        """Moments (S,) of a scan and, for each, the (P,P) part it has in the scan's reciprocal coordinates."""
+    def mixing(self, skew: MotionEffect) -> list[Array]:
+        """For each of the moments (S,) of a scan the (P,P) part it has in the scan's reciprocal coordinates."""
         if skew.straight not in self._mixing:
-            moments, weights = moments_of(skew, self.protocol)
             basis, readings = self.protocol.orthonormal, self.protocol.shape[1]
-            mixing = [basis.T @ (np.repeat(each, readings)[:, None] * basis) for each in weights.T]
-            self._mixing[skew.straight] = moments, mixing
+            weights = moments_of(skew, self.protocol)[1]
+            self._mixing[skew.straight] = [basis.T @ (np.repeat(each, readings)[:, None] * basis) for each in weights.T]
         return self._mixing[skew.straight]
 
-    def _at_moments(self, progress: Progress | None) -> list[LinearSkin]:
-        """Where the presses move during a scan, the skin linearised about each of the moments that scan is made of."""
-        skew = motions(self.skin.effects)
-        if not skew or self.protocol.injection_offset_s is None:
-            return []
-        moments, _ = self.skew_mixing(skew[0])
-        # The mesh is that of the pads as they lie already.
-        still = replace(self.skin, effects=tuple(e for e in self.skin.effects if not isinstance(e, MotionEffect)))
-        forces = self.frames.moved_forces(self.skin, skew[0], self.force_n, moments)
-        return [LinearSkin(still, self.history, force, self.wanted, progress) for force in forces]
+    def _moments(self, skin: Skin, force_n: Array) -> list[tuple[Array, list[Patch]]]:
+        """Forces (T,C) at each of the moments of a skin's motion, and the patches about which it is linear then."""
+        return [
+            (force, self._patches_at.get(moment, self.patches))
+            for moment, force in zip(*self._moved(skin, force_n), strict=True)
+        ]
 
-    def still_scans(self, skin: Skin, force_n: Array) -> Array:
+    def still_scans(self, skin: Skin, force_n: Array, patches: list[Patch] | None = None) -> Array:
         """(n,P) whitened scans, every scan taken in an instant; the latest are remembered."""
         memory = self.frames.memory(force_n)
         if memory.still is None or not _same_network(skin, memory.still[0]):
-            memory.still = skin, self._still_scans(skin, force_n)
+            memory.still = skin, self._still_scans(skin, force_n, self.patches if patches is None else patches)
         return memory.still[1]
 
-    def _still_scans(self, skin: Skin, force_n: Array) -> Array:
+    def _still_scans(self, skin: Skin, force_n: Array, patches: list[Patch]) -> Array:
         result = np.empty((len(self.wanted), self.protocol.orthonormal.shape[1]))
         factor = skin.piezo.zero_ohm_sq / self.skin.piezo.zero_ohm_sq * self.frames.drift(skin)
         contacts = self.frames.contacts(skin, force_n, factor)
@@ -137,15 +142,16 @@ class LinearSkin:
         broad = self.sheet.change_by(skin)
 
         def one(number: int) -> None:
-            patch = self.patches[number]
-            scan = patch.scans(self._change_of(number, skin, force_n), patch.contacts(*contacts, self.skin.sheet))
+            patch = patches[number]
+            change = self._change_of(number, patch, skin, force_n)
+            scan = patch.scans(change, patch.contacts(*contacts, self.skin.sheet))
             if broad is not None:
                 scan += broad[number][patch.state_of]
             if moved.any():
                 scan += np.array([np.einsum("plc,lc->p", state.pads, moved) for state in patch.states])[patch.state_of]
             result[patch.rows] = scan
 
-        in_threads(one, range(len(self.patches)))
+        in_threads(one, range(len(patches)))
         return factor[:, None] * sum(elsewhere, result)
 
     # derivatives by the calibration ----------------------------------------------------------------------------------
@@ -153,28 +159,25 @@ class LinearSkin:
     def law_columns(self, skin: Skin, count: int) -> Array:
         """(n,P,1+count) derivatives of the scans by the logarithm of the sheet's resistance and by the law's Chebyshev
         coefficients from 1 to ``count``, its value at zero stress kept."""
-        skew = motions(skin.effects)
-        if not skew or self.protocol.injection_offset_s is None:
-            return self._still_law_columns(skin, self.force_n, count)
-        moments, mixing = self.skew_mixing(skew[0])
-        forces = self.frames.moved_forces(skin, skew[0], self.force_n, moments)
-        about = self.moments or [self] * len(forces)
+        skew = self._motion(skin)
+        if skew is None:
+            return self._still_law_columns(skin, self.force_n, self.patches, count)
         parts = (
-            np.einsum("pq,nqk->npk", mix, linear._still_law_columns(skin, force, count), optimize=True)
-            for linear, force, mix in zip(about, forces, mixing, strict=True)
+            np.einsum("pq,nqk->npk", mix, self._still_law_columns(skin, *moment, count), optimize=True)
+            for moment, mix in zip(self._moments(skin, self.force_n), self.mixing(skew), strict=True)
         )
         return np.asarray(sum(parts))
 
-    def _still_law_columns(self, skin: Skin, force_n: Array, count: int) -> Array:
+    def _still_law_columns(self, skin: Skin, force_n: Array, patches: list[Patch], count: int) -> Array:
         result = np.zeros((len(self.wanted), self.protocol.orthonormal.shape[1], 1 + count))
         contacts = self.frames.contacts(skin, force_n)
         factor = skin.piezo.zero_ohm_sq / self.skin.piezo.zero_ohm_sq * self.frames.drift(skin)
-        result[..., 0] = self.still_scans(skin, force_n)
+        result[..., 0] = self.still_scans(skin, force_n, patches)
         left = self._elsewhere.by_law(skin, force_n, count)
 
         def one(number: int) -> None:
-            patch = self.patches[number]
-            by_law = self._relative_by_law(skin, force_n, number, count) @ patch.directions
+            patch = patches[number]
+            by_law = self._relative_by_law(number, patch, skin, force_n, count) @ patch.solutions.directions
             mine_ohm = patch.contacts(*contacts, self.skin.sheet)
             for k, state in enumerate(patch.states):
                 mine = np.flatnonzero(patch.state_of == k)
@@ -183,15 +186,16 @@ class LinearSkin:
                 result[rows, :, 0] -= mine_ohm[mine] @ state.contact[:, : mine_ohm.shape[1]].T
                 result[rows, :, 1:] = (by_law[mine] @ state.local.T).transpose(0, 2, 1)
 
-        in_threads(one, range(len(self.patches)))
+        in_threads(one, range(len(patches)))
         if left is not None:
             result[..., 1:] += left
         result[..., 1:] *= factor[:, None, None]
         return result
 
-    def _relative_by_law(self, skin: Skin, force_n: Array, number: int, count: int) -> NDArray[np.float32]:
+    def _relative_by_law(
+        self, number: int, patch: Patch, skin: Skin, force_n: Array, count: int
+    ) -> NDArray[np.float32]:
         """(m,count,G) derivatives of a patch's conductance by the law's coefficients."""
-        patch = self.patches[number]
         past, position_m = patch.past_of(skin), patch.grid_m
         pressure = self.frames.pressure(skin, force_n, position_m, past.frames)
         time_s, extent_m = self.history.time_s[past.frames], skin.sensor.extent_m
@@ -208,16 +212,14 @@ class LinearSkin:
             self._latest_field[number] = key, self._local_field(skin, self.patches[number])
         return self._latest_field[number][1]
 
-    def _change_of(self, number: int, skin: Skin, force_n: Array) -> NDArray[np.float32]:
+    def _change_of(self, number: int, patch: Patch, skin: Skin, force_n: Array) -> NDArray[np.float32]:
         """(m,R) change of the conductance from the states' in a patch's directions, remembered for the latest law,
         memories and effects on the sheet under the pressures at hand."""
-        patch, key = self.patches[number], (of_fabric(skin), on_sheet(skin))
-        latest = self.frames.memory(force_n).change
+        key, latest = (of_fabric(skin), on_sheet(skin)), self.frames.memory(force_n).change
         if number not in latest or latest[number][0] != key:
-            change = (self.frames.relative_of(number, patch, skin, force_n) - patch.about) * self._field_of(
-                number, skin
-            )
-            latest[number] = key, change.astype(np.float32) @ patch.directions
+            relative = self.frames.relative_of(number, patch, skin, force_n)
+            change = (relative - patch.about) * self._field_of(number, skin)
+            latest[number] = key, change.astype(np.float32) @ patch.solutions.directions
         return latest[number][1]
 
     # derivatives by fields over the sheet ----------------------------------------------------------------------------
@@ -230,35 +232,30 @@ class LinearSkin:
         elsewhere is taken not to know the field.
         """
         broad = self.sheet.columns(skin, raised, by, fields)
-        skew = motions(skin.effects)
-        moments: list[tuple[LinearSkin, Array]] = [(self, self.force_n)]
-        if skew and self.protocol.injection_offset_s is not None:
-            forces = self.frames.moved_forces(skin, skew[0], self.force_n, self.skew_mixing(skew[0])[0])
-            moments = list(zip(self.moments or [self] * len(forces), forces, strict=True))
-        wide = [None if broad is None else linear.sheet.changes(broad) for linear, _ in moments]
+        wide = None if broad is None else self.sheet.changes(broad)
+        skew, moments = self._motion(skin), self._moments(skin, self.force_n)
+        # What they remember is begun before several threads ask for it.
+        for force_n, _ in moments:
+            self.frames.memory(force_n)
 
-        def still(moment: int, number: int) -> Array:
-            linear, force_n = moments[moment]
-            local = linear._raised_by(number, skin, raised, force_n) / by
-            return linear._columns_of(number, skin, local, fields, wide[moment])
+        def still(number: int, force_n: Array, patches: list[Patch]) -> Array:
+            local = self._raised_by(patches[number], skin, raised, force_n) / by
+            return self._columns_of(patches[number], skin, local, fields, None if wide is None else wide[number])
 
         def one(number: int) -> tuple[Indices, Array]:
             rows = self.patches[number].rows
-            if len(moments) == 1:
-                return rows, still(0, number)
+            if skew is None:
+                return rows, still(number, self.force_n, self.patches)
             parts = (
-                np.tensordot(still(moment, number), mix.astype(np.float32), ([1], [1]))
-                for moment, mix in enumerate(self.skew_mixing(skew[0])[1])
+                np.tensordot(still(number, *moment), mix.astype(np.float32), ([1], [1]))
+                for moment, mix in zip(moments, self.mixing(skew), strict=True)
             )
             return rows, sum(parts).transpose(0, 2, 1)  # type: ignore[union-attr]
 
-        # Moments of a moving press may share a skin, whose memories aren't for several threads at once.
-        turns = in_threads_by_turns if len({id(linear) for linear, _ in moments}) == len(moments) else map
-        yield from turns(one, range(len(self.patches)))
+        yield from in_threads_by_turns(one, range(len(self.patches)))
 
-    def _raised_by(self, number: int, skin: Skin, raised: Skin, force_n: Array) -> Array:
+    def _raised_by(self, patch: Patch, skin: Skin, raised: Skin, force_n: Array) -> Array:
         """(m,G) change of the relative conductance on a patch's grid from one skin to the other."""
-        patch = self.patches[number]
         change = []
         for each in (skin, raised):
             self.frames.memory(force_n).settle(each)
@@ -266,23 +263,22 @@ class LinearSkin:
             change.append((relative - patch.about) * self._local_field(each, patch))
         return np.asarray(change[1] - change[0])
 
-    def _columns_of(self, number: int, skin: Skin, local: Array, fields: Fields, wide: list[Array] | None) -> Array:
+    def _columns_of(self, patch: Patch, skin: Skin, local: Array, fields: Fields, wide: Array | None) -> Array:
         """(m,P,K) ``field_columns`` of a patch, every scan taken in an instant, from the derivative (m,G) of its
-        conductance by an even field, and what the fields do on the coarse grid, (S,P,K) for each patch.
+        conductance by an even field, and what the fields do on the coarse grid to its states, (S,P,K).
 
         What a field does at the same place under other loads differs little: few of its forms are spread over fields.
         """
-        patch = self.patches[number]
         values = fields(patch.grid_m).astype(np.float32)
         result = np.zeros((len(patch.rows), self.protocol.orthonormal.shape[1], values.shape[1]), dtype=np.float32)
         share, form = main_forms(local)
-        along = np.array([patch.directions.T @ (one[:, None] * values) for one in form])
+        along = np.array([patch.solutions.directions.T @ (one[:, None] * values) for one in form])
         for k, state in enumerate(patch.states):
             mine = np.flatnonzero(patch.state_of == k)
             if len(form):
                 result[mine] = state.local @ np.tensordot(share[mine], along, 1)
             if wide is not None:
-                result[mine] += wide[number][k]
+                result[mine] += wide[k]
         factor = skin.piezo.zero_ohm_sq / self.skin.piezo.zero_ohm_sq * self.frames.drift(skin)[patch.rows]
         result *= factor[:, None, None].astype(np.float32)
         return cast(Array, result)  # in single precision

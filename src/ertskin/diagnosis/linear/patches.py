@@ -43,6 +43,25 @@ class State:
 
 
 @dataclass(frozen=True, eq=False)
+class Solutions:
+    """The ``states`` solved at one place, and the ``directions`` (G,R) of its grid that their derivatives see."""
+
+    states: list[State]
+    directions: NDArray[np.float32]
+
+    @cached_property
+    def together(self) -> tuple[Array, NDArray[np.float32], Array, Array]:
+        """The states' scans (S,P), derivatives ``local`` (S,P,R) and ``contact`` (S,P,K), and ``contacts`` (S,K)."""
+        scan, local, contact, now = zip(*((s.scan, s.local, s.contact, s.contacts) for s in self.states), strict=True)
+        return np.stack(scan), np.stack(local), np.stack(contact), np.stack(now)
+
+    @cached_property
+    def signal(self) -> Array:
+        """(S,) how much each state changes of the conductance."""
+        return np.array([np.abs(state.relative - 1).sum() for state in self.states])
+
+
+@dataclass(frozen=True, eq=False)
 class Past:
     """Frames (n,), in recording order, that count for memories at a place, and where among them its own (m,) are."""
 
@@ -52,11 +71,11 @@ class Past:
 
 @dataclass(frozen=True, eq=False)
 class Patch:
-    """The surroundings of one set of contacts.
+    """The surroundings of one set of contacts, pressed by forces of one moment.
 
     ``rows`` (m,) which of the wanted frames have these contacts; ``past`` what counts for memories there, ``since_air``
-    the same where air clears them; ``grid_m`` (G,2); ``states`` the solutions and ``state_of`` (m,) which one each row
-    uses; ``directions`` (G,R) what of the grid their derivatives see; ``leaning`` (q,) electrodes within reach.
+    the same where air clears them; ``grid_m`` (G,2); ``leaning`` (q,) electrodes within reach; ``solutions`` of the
+    place and ``state_of`` (m,) which state each row uses.
     """
 
     rows: Indices
@@ -64,10 +83,14 @@ class Patch:
     since_air: Past
     hats: Hats
     inside: Indices
-    states: list[State]
-    state_of: Indices
-    directions: NDArray[np.float32]
     leaning: Indices
+    solutions: Solutions
+    state_of: Indices
+
+    @property
+    def states(self) -> list[State]:
+        """The states solved here."""
+        return self.solutions.states
 
     @cached_property
     def grid_m(self) -> Array:
@@ -78,12 +101,6 @@ class Patch:
     def about(self) -> Array:
         """(m,G) relative conductance of each row's state."""
         return np.reshape([state.relative for state in self.states], (len(self.states), -1))[self.state_of]
-
-    @cached_property
-    def together(self) -> tuple[Array, NDArray[np.float32], Array, Array]:
-        """The states' scans (S,P), derivatives ``local`` (S,P,R) and ``contact`` (S,P,K), and ``contacts`` (S,K)."""
-        scan, local, contact, now = zip(*((s.scan, s.local, s.contact, s.contacts) for s in self.states), strict=True)
-        return np.stack(scan), np.stack(local), np.stack(contact), np.stack(now)
 
     def contacts(self, ohm: Array, share: Array | None, model: SheetModel) -> Array:
         """(m,K) contacts of its rows, from those of all frames: their resistances (n,L), then for each electrode within
@@ -114,13 +131,8 @@ class Patch:
         """(m,P) whitened scans for a change (m,R) of the conductance in the patch's directions from the states', and
         ``contacts`` (m,K)."""
         result = np.empty((len(self.rows), len(self.states[0].scan)))
-        _from_states(result, self.state_of, *self.together, change, contacts)
+        _from_states(result, self.state_of, *self.solutions.together, change, contacts)
         return result
-
-    @cached_property
-    def signal(self) -> Array:
-        """(S,) how much each state changes of the conductance."""
-        return np.array([np.abs(state.relative - 1).sum() for state in self.states])
 
     def past_of(self, skin: Skin) -> Past:
         """The frames that a skin's effects remember."""

@@ -79,7 +79,7 @@ class PressedFrames:
     def moved_forces(self, skin: Skin, skew: MotionEffect, force_n: Array, moments: Array) -> list[Array]:
         """Forces (T,C) at each of the moments; the latest are remembered, for pressures are by them."""
         foam = tuple(e for e in skin.effects if isinstance(e, FoamEffect))
-        key = (skew, foam, skin.pad_n_per_m, skin.support_n_per_m)
+        key = (skew, foam, skin.pad_n_per_m, skin.support_n_per_m, moments.tobytes())
         known = next((one for one in self._moved if one[0] == key and one[1] is force_n), None)
         if known is None:
             known = key, force_n, [force_n * share for share in skin.moving_share(self.history, skew, moments)]

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csc_array, sparray
 
 from ertskin.cores import in_threads
-from ertskin.diagnosis.linear.patches import Indices, Past, Patch, State, followers, main_directions
+from ertskin.diagnosis.linear.patches import Indices, Past, Patch, Solutions, State, followers, main_directions
 from ertskin.diagnosis.linear.pressed_frames import PressedFrames
 from ertskin.diagnosis.linear.sensitivity import (
     Hats,
@@ -35,6 +35,8 @@ RANK = 128
 of a tenth of the signal; every evaluation reads that much less memory."""
 
 Progress = Callable[[float, str], None]
+Contacts = tuple[Array, Array | None]
+"""What ``PressedFrames.contacts`` gives."""
 
 
 class UntouchedSheet:
@@ -67,6 +69,19 @@ class UntouchedSheet:
         return np.sum(parts, axis=0, dtype=np.float32)
 
 
+@dataclass(frozen=True, eq=False)
+class Place:
+    """Where a patch lies on the mesh: the ``elements`` (E,) within reach and their ``points`` (n,), those ``close`` by
+    (c,) that presses change, the fronts ``asked`` for, the grid's ``hats`` (G,n) and electrodes ``leaning`` (q,)."""
+
+    elements: Indices
+    points: Indices
+    close: Indices
+    asked: NDArray[np.bool_]
+    hats: csc_array
+    leaning: Indices
+
+
 class StateSolver:
     """Solves the states of a recording's frames on their skin's mesh, that at ``rest`` first."""
 
@@ -75,22 +90,25 @@ class StateSolver:
         self.protocol = self.skin.protocol
         self._rims = PadRims(self.skin.sheet)
         self.rest = self._solve(np.ones(len(sheet.points_m)), self.skin.contact_resistance_ohm)
-        self._contacts_now = self.frames.contacts(self.skin, self.frames.force_n, self.frames.drift(self.skin))
 
-    def patches(self, progress: Progress) -> list[Patch]:
-        """The patches of the frames, their states solved."""
+    def patches(self, forces: Sequence[Array], progress: Progress) -> list[list[Patch]]:
+        """The patches of the frames under each of several ``forces`` (T,C), which share the states solved."""
         frames = self.frames
         groups = contact_groups(np.round(frames.contact_m[frames.wanted], 9), frames.force_n[frames.wanted])
+        contacts = [frames.contacts(self.skin, force_n, frames.drift(self.skin)) for force_n in forces]
+        # What they remember is begun before several threads ask for it.
+        for force_n in forces:
+            frames.memory(force_n)
         done = 0
 
-        def one(rows: Indices) -> Patch:
+        def one(rows: Indices) -> list[Patch]:
             nonlocal done
-            patch = self._patch(rows)
+            found = self._at_place(rows, forces, contacts)
             done += 1
             progress(done / len(groups), f"linearised {done} of {len(groups)} places")
-            return patch
+            return found
 
-        return in_threads(one, groups)
+        return [list(alike) for alike in zip(*in_threads(one, groups), strict=True)]
 
     def _solve(
         self, relative: Array, contact_ohm: Array, base: Solution | None = None, share: Array | None = None
@@ -103,31 +121,30 @@ class StateSolver:
             return self.skin.sheet.solve_again(conductance, base)
         return self.skin.sheet.solve(self.sheet.state.shaped(conductance), contact_ohm, share)
 
-    def _patch(self, rows: Indices) -> Patch:
-        spots, reach, frames = self.frames.spots_m(rows), self.frames.reach_m, self.frames
-        patch = self._around(spots, rows, reach)
-        elements = model_elements(self.skin.sheet, within(self.sheet.points_m, spots, reach))
-        relative = frames.relative(self.skin, frames.force_n, patch)
-        state_of, leaders = followers(relative, self._contacts_now[0][rows], self.skin.contact_resistance_ohm)
-        per = self.skin.sheet.weight_m2.shape[1]
-        points = (elements[:, None] * per + np.arange(per)).ravel()
-        close = points[within(self.sheet.points_m[points], spots, reach)]
-        before = patch.past_of(self.skin)
-        led = Past(before.frames, before.own[leaders])
-        pressed = frames.relative_at(self.skin, frames.force_n, self.sheet.points_m[close], led)
-        asked = self.skin.sheet.asked_at(elements)
-        columns = patch.hats.values(self.sheet.points_m[points])[patch.inside].tocsc()
-        solved = (
-            (self._pressed(close, values, rows[k]).confined(asked), relative[k])
-            for k, values in zip(leaders, pressed, strict=True)
-        )
-        states = [self._state(*each, elements, points, columns, patch.leaning) for each in solved]
+    def _at_place(self, rows: Indices, forces: Sequence[Array], contacts: Sequence[Contacts]) -> list[Patch]:
+        """The patch of rows that share their contacts, under each of the forces, with the ``contacts`` of all rows."""
+        frames, skin, count = self.frames, self.skin, len(rows)
+        patch, place = self._around(rows)
+        relative = np.concatenate([frames.relative(skin, force_n, patch) for force_n in forces])
+        ohm = np.concatenate([each[rows] for each, _ in contacts])
+        state_of, leaders = followers(relative, ohm, skin.contact_resistance_ohm)
+        before, states = patch.past_of(skin), []
+        for number, (force_n, (every_ohm, every_share)) in enumerate(zip(forces, contacts, strict=True)):
+            mine = [k - number * count for k in leaders if k // count == number]
+            led = Past(before.frames, before.own[mine])
+            pressed = frames.relative_at(skin, force_n, self.sheet.points_m[place.close], led)
+            for k, values in zip(mine, pressed, strict=True):
+                share = None if every_share is None else every_share[rows[k]]
+                solution = self._pressed(place.close, values, every_ohm[rows[k]], share)
+                states.append(self._state(solution.confined(place.asked), relative[number * count + k], place))
         directions = main_directions(np.concatenate([state.local for state in states]), RANK)
         states = [replace(state, local=state.local @ directions) for state in states]
-        return replace(patch, states=states, state_of=state_of, directions=directions)
+        shared = Solutions(states, directions)
+        return [replace(patch, solutions=shared, state_of=mine) for mine in np.split(state_of, len(forces))]
 
-    def _around(self, spots: Array, rows: Indices, reach_m: float) -> Patch:
-        """The patch of rows that press the same spots (S,2), before anything is solved for it."""
+    def _around(self, rows: Indices) -> tuple[Patch, Place]:
+        """The patch of rows that share their contacts before anything is solved for it, and where it lies."""
+        spots, reach_m, points_m = self.frames.spots_m(rows), self.frames.reach_m, self.sheet.points_m
         low_m, high_m = self.skin.sensor.extent_m
         low, high = low_m, low_m + GRID_M
         if len(spots):
@@ -140,38 +157,34 @@ class StateSolver:
         past, since_air = (
             Past(known, np.searchsorted(known, visited)) for known in (visits, frames_since(in_air, visited))
         )
-        nobody, unknown = np.zeros(len(rows), dtype=np.intp), np.zeros((len(inside), 0), dtype=np.float32)
         touched = [within(contact.center_m, spots, reach_m).any() for contact in self.skin.sheet.contacts]
-        return Patch(rows, past, since_air, hats, inside, [], nobody, unknown, np.flatnonzero(touched))
+        leaning, nothing = np.flatnonzero(touched), Solutions([], np.zeros((len(inside), 0), dtype=np.float32))
+        elements = model_elements(self.skin.sheet, within(points_m, spots, reach_m))
+        per = self.skin.sheet.weight_m2.shape[1]
+        points = (elements[:, None] * per + np.arange(per)).ravel()
+        close = points[within(points_m[points], spots, reach_m)]
+        at_points = hats.values(points_m[points])[inside].tocsc()
+        place = Place(elements, points, close, self.skin.sheet.asked_at(elements), at_points, leaning)
+        return Patch(rows, past, since_air, hats, inside, leaning, nothing, np.zeros(len(rows), dtype=np.intp)), place
 
-    def _pressed(self, close: Indices, relative: Array, row: int) -> Solution:
-        """The solution for ``relative`` conductances (n,) at the points ``close`` and the contacts of a row, those at
-        rest unless they differ much."""
+    def _pressed(self, close: Indices, relative: Array, ohm: Array, share: Array | None) -> Solution:
+        """The solution for ``relative`` conductances (n,) at the points ``close`` and contacts (L,), those at rest
+        unless they differ much, whose cells (C,) have their ``share``."""
         sheet = np.ones(len(self.sheet.points_m))
         sheet[close] = relative
-        usual_ohm, (ohm, share) = self.skin.contact_resistance_ohm, self._contacts_now
-        if np.abs(ohm[row] / usual_ohm - 1).max() < NEAR_CONTACTS:
+        usual_ohm = self.skin.contact_resistance_ohm
+        if np.abs(ohm / usual_ohm - 1).max() < NEAR_CONTACTS:
             return self._solve(sheet, usual_ohm, self.rest)
-        return self._solve(sheet, ohm[row], share=None if share is None else share[row])
+        return self._solve(sheet, ohm, share=share)
 
-    def _state(
-        self,
-        solution: Solution,
-        relative: Array,
-        elements: Indices,
-        points: Indices,
-        hats: csc_array,
-        leaning: Indices,
-    ) -> State:
-        """A solution's scan and derivatives, by the conductance in the elements, whose points are ``points``, on the
-        patch's grid with its ``hats`` (G,n), ``relative`` (G,) the conductance there, and by contacts of which some
-        may be ``leaning``."""
-        contacts, by_contact = self._by_contact(solution, leaning)
+    def _state(self, solution: Solution, relative: Array, place: Place) -> State:
+        """A solution's scan and derivatives at a place, ``relative`` (G,) the conductance on its grid."""
+        contacts, by_contact = self._by_contact(solution, place.leaning)
         return State(
             self.protocol.whitened(solution.pair_resistance_ohm),
             relative,
             contacts,
-            self.sheet.by_size(solution, elements, hats, points),
+            self.sheet.by_size(solution, place.elements, place.hats, place.points),
             self.protocol.whitened(by_contact.T).T,
             self._rims.sensitivity(solution, self.protocol),
         )

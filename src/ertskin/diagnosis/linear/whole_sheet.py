@@ -103,10 +103,12 @@ class WholeSheet:
         even = np.tensordot(at_rest, change, 2)
 
         def one(number: int) -> Array:
-            more, signal = under_press[number], self.patches[number].signal
-            if more is None or not signal.max() > 0:
+            more, patch = under_press[number], self.patches[number]
+            signal = patch.solutions.signal
+            strongest = signal[patch.state_of].max()
+            if more is None or not strongest > 0:
                 return np.broadcast_to(even, (len(signal), *even.shape))
-            share = (signal / signal.max()).astype(np.float32)
+            share = (signal / strongest).astype(np.float32)
             return np.asarray(even + np.multiply.outer(share, np.tensordot(more, change, 2)))
 
         return in_threads(one, range(len(self.patches)))
@@ -137,7 +139,7 @@ class WholeSheet:
             if not len(spots):
                 return None
             close = np.flatnonzero(within(points, spots, frames.reach_m))
-            row = frames.wanted[patch.rows[int(patch.signal[patch.state_of].argmax())]]
+            row = frames.wanted[patch.rows[int(patch.solutions.signal[patch.state_of].argmax())]]
             sheet = np.ones(len(points))
             past = patch.past_of(self.skin)
             mine = Past(past.frames, np.searchsorted(past.frames, [row]))

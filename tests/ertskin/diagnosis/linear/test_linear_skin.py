@@ -10,6 +10,7 @@ from small_skin import SMALL, small_law, small_sensor, two_presses
 
 from ertskin.diagnosis.fit.joint_fit import VoltageProblem
 from ertskin.diagnosis.linear.linear_skin import LinearSkin
+from ertskin.diagnosis.linear.patches import Patch
 from ertskin.diagnosis.linear.pressed_frames import MOTIONS
 from ertskin.diagnosis.recording.evidence import Evidence
 from ertskin.physics.effects.contact_drift import ContactDrift
@@ -98,25 +99,19 @@ def test_what_is_remembered_is_never_that_of_another_skin(history: History, begu
     ]
     family += [(slow, wide, even), (slow, wide, uneven), (slow, loop, even), (foam, loop), (), (fast,), (aside,)]
     for effects in family:
-        other, skew = still.with_effects(effects), [one for one in effects if isinstance(one, ScanSkew)]
-        if skew:
-            moments, _ = linear.skew_mixing(skew[0])
-            found = linear.skewed(other, skew[0], force_n, moments)
-            forces = bare.frames.moved_forces(other, skew[0], force_n, moments)
-        else:
-            found, forces = [linear.still_scans(other, force_n)], [force_n]
-        about = bare.moments if skew and bare.moments else [bare] * len(forces)
-        for scans, one, force in zip(found, about, forces, strict=True):
-            np.testing.assert_array_equal(scans, without_memory(one, other, force))
-    motion = 1 if linear.moments else len(linear.skew_mixing(slow)[0])
-    assert all(len(one.frames.memories) <= MOTIONS * motion for one in (linear, *linear.moments))
+        other, moves = still.with_effects(effects), any(isinstance(one, ScanSkew) for one in effects)
+        found = linear.skewed(other, force_n) if moves else [linear.still_scans(other, force_n)]
+        moments = bare._moments(other, force_n) if moves else [(force_n, bare.patches)]
+        for scans, moment in zip(found, moments, strict=True):
+            np.testing.assert_array_equal(scans, without_memory(bare, other, *moment))
+    assert len(linear.frames.memories) <= MOTIONS * len(linear.mixing(slow))
 
 
-def without_memory(linear: LinearSkin, skin: Skin, force_n: np.ndarray) -> np.ndarray:
+def without_memory(linear: LinearSkin, skin: Skin, force_n: np.ndarray, patches: list[Patch]) -> np.ndarray:
     """Scans (T,P) of a linearised skin that forgets all it had computed before."""
     linear.frames.memories, linear._latest_field = [], {}
     linear.sheet._latest, linear._elsewhere._latest = (None, None), (None, None)
-    return linear.still_scans(skin, force_n)
+    return linear.still_scans(skin, force_n, patches)
 
 
 def test_places_that_creep_show_until_they_have_recovered(skin: Skin, history: History, linear: LinearSkin) -> None:
