@@ -49,14 +49,19 @@ class Hats:
         return csr_array((np.concatenate(entries), (np.concatenate(rows), np.concatenate(columns))), shape=shape)
 
 
-def whitening_of_transfer(protocol: Protocol) -> Array:
-    """(P, L(L+1)/2) whitened coordinates of a change of the transfer matrix given by its lower triangle."""
-    count = protocol.electrodes
-    i, j = np.tril_indices(count)
-    unit = np.zeros((len(i), count, count))
+def pairs_of_transfer(electrodes: int) -> Array:
+    """(L(L+1)/2, P) pair resistances of transfer matrices of which one entry of the lower triangle, and its mirror
+    image, is one."""
+    i, j = np.tril_indices(electrodes)
+    unit = np.zeros((len(i), electrodes, electrodes))
     unit[np.arange(len(i)), i, j] = 1.0
     unit[np.arange(len(i)), j, i] = 1.0
-    return protocol.whitened(pair_resistances(unit)).T
+    return pair_resistances(unit)
+
+
+def whitening_of_transfer(protocol: Protocol) -> Array:
+    """(P, L(L+1)/2) whitened coordinates of a change of the transfer matrix given by its lower triangle."""
+    return protocol.whitened(pairs_of_transfer(protocol.electrodes)).T
 
 
 @dataclass(frozen=True, eq=False)

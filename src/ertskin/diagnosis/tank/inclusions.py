@@ -18,13 +18,13 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 from scipy.sparse import csr_array, diags_array, vstack
 
-from ertskin.diagnosis.linear.sensitivity import Hats, sheet_sensitivity
+from ertskin.diagnosis.linear.sensitivity import Hats, pairs_of_transfer, sheet_sensitivity
 from ertskin.diagnosis.tank.electrode_error import unexplained_v
 from ertskin.physics.calibration.contact_resistance import ContactFit, ContactProblem, robust
 from ertskin.physics.calibration.scan_space import ScanSpace
 from ertskin.physics.conduction.mesh import Grading
 from ertskin.physics.conduction.sheet import Resolution, SheetModel, Solution
-from ertskin.physics.protocol import Protocol, pair_resistances
+from ertskin.physics.protocol import Protocol
 from ertskin.physics.sensor import Sensor
 
 Array = NDArray[np.float64]
@@ -80,7 +80,7 @@ class Imaging:
         self.inside = np.asarray(every.sum(axis=1)).ravel() > 1e-9
         self.gather: csr_array = every[self.inside]
         self.slopes = _cell_differences(self.inside.reshape(len(self.hats.axes[1]), len(self.hats.axes[0])))
-        self.pairs_of_transfer = pair_resistances(_unit_changes(protocol.electrodes)).T
+        self.pairs_of_transfer = pairs_of_transfer(protocol.electrodes).T
 
     @cached_property
     def empty(self) -> Solution:
@@ -176,12 +176,3 @@ def _cell_differences(inside: NDArray[np.bool_]) -> csr_array:
     value = np.repeat([-1.0, 1.0], count)
     sides = ((a, b), (c, d), (a, c), (b, d))
     return csr_array(vstack([csr_array((value, (row, np.concatenate(side))), shape=(count, nodes)) for side in sides]))
-
-
-def _unit_changes(electrodes: int) -> Array:
-    """(L(L+1)/2, L, L) symmetric matrices with one entry of the lower triangle (and its mirror image) set."""
-    i, j = np.tril_indices(electrodes)
-    unit = np.zeros((len(i), electrodes, electrodes))
-    unit[np.arange(len(i)), i, j] = 1.0
-    unit[np.arange(len(i)), j, i] = 1.0
-    return unit
