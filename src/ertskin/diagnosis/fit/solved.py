@@ -46,6 +46,11 @@ class Solved:
         """Which of the fit's numbers is a term's first."""
         return len(self.fit.value) - sum(t.count for t in self.terms[term:])
 
+    def sizes(self, term: int) -> slice:
+        """Which of the fit's numbers are the sizes of a term's field."""
+        first = self.first(term)
+        return slice(first + len(self.terms[term].free), first + self.terms[term].count)
+
     def rise_without(self, term: int, *, others_stay: bool = False) -> float:
         """Half chi-square and prior that are lost without a term, by the local model: its defining numbers neutral, its
         others and a field's sizes kept. ``others_stay``: only the calibration makes up for it, no other term does."""

@@ -224,23 +224,17 @@ def standard_of(sensor: Sensor, protocol: Protocol, history: History) -> Standar
 
 def _spread(claim: Claim, solved: Solved, force: ForceFit | None) -> Spread:
     """What the fit that named the effect knows of its parameters; else the intervals claimed."""
-    first = len(solved.fit.value) - sum(t.count for t in solved.terms)
-    for term in solved.terms:
+    for number, term in enumerate(solved.terms):
         if term.effect == claim.effect and set(term.free) >= set(claim.parameters):
-            rows = np.arange(first, first + len(term.free))
+            mine = solved.first(number) + np.arange(len(term.free))
+            block = np.ix_(mine, mine)
             inflation = max(1.0, float((solved.scan_residual**2).mean()))
-            white, robust = solved.fit.covariance, solved.fit.robust_covariance
-            return Spread(term.free, (inflation * _block(white, rows), _block(robust, rows)))
-        first += term.count
+            return Spread(term.free, (inflation * solved.fit.covariance[block], solved.fit.robust_covariance[block]))
     if force is not None and claim.effect in force.effects:
         keys = [key for key in claim.effect.parameters() if f"{claim.effect.name}.{key}" in force.names]
         rows = np.array([force.names.index(f"{claim.effect.name}.{key}") for key in keys], dtype=np.intp)
-        return Spread(tuple(keys), (_block(force.covariance, rows),))
+        return Spread(tuple(keys), (force.covariance[np.ix_(rows, rows)],))
     return Spread.of(claim.parameters)
-
-
-def _block(matrix: Array, rows: NDArray[np.intp]) -> Array:
-    return np.asarray(matrix[rows[:, None], rows])
 
 
 def _slope(effect: Effect, standard: Standard, key: str, error: float) -> dict[str, float]:

@@ -82,13 +82,11 @@ def known_at(solved: Solved, extent_m: Array, point_m: Array) -> dict[str, Known
 def _covariances(solved: Solved, extent_m: Array, inflation: float = 1.0) -> Iterator[tuple[int, Array]]:
     """Terms with a smooth field, by their number, and what the fit leaves of the covariance (M,M) of its nodes, where
     the noise has ``inflation`` times its variance."""
-    first = len(solved.fit.value) - sum(term.count for term in solved.terms)
     whole = solved.fit.covariance
     for number, term in enumerate(solved.terms):
         if term.modes is not None:
-            where = slice(first + len(term.free), first + term.count)
+            where = solved.sizes(number)
             yield number, node_covariance(term.modes, _inflated(whole[where, where], inflation), extent_m)
-        first += term.count
 
 
 def _inflated(known: Array, inflation: float) -> Array:

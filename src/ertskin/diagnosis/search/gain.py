@@ -35,12 +35,10 @@ def _by_place(solved: Solved) -> int:
 
 def freedom(solved: Solved) -> float:
     """What the smooth fields of a fit cost in evidence: how much narrower they became, how far they went."""
-    first = len(solved.fit.value) - sum(term.count for term in solved.terms)
     fields = np.zeros(len(solved.fit.value), dtype=bool)
     cost = 0.0
-    for term in solved.terms:
-        fields[first + len(term.free) : first + term.count] = True
-        first += term.count
+    for number, term in enumerate(solved.terms):
+        fields[solved.sizes(number)] = True
         cost += 0.5 * float(np.square(term.sizes).sum())
     if not fields.any():
         return 0.0

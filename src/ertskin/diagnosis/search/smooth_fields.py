@@ -136,33 +136,31 @@ class NodeQuadratic:
 
     def reduced(self) -> tuple[Array, Array]:
         """Gradient (M,) and Hessian (M,M) of the field alone, the other numbers at their best for each."""
-        count = len(self.value)
-        gradient, hessian = self.gradient.sum(axis=0), self.hessian.sum(axis=0)
-        others, by_field = self._others(gradient, hessian)
-        cross = hessian[count:, :count]
-        return gradient[count:] - cross @ others, hessian[count:, count:] + cross @ by_field
+        return self._apart(self.gradient.sum(axis=0), self.hessian.sum(axis=0))[2:]
 
-    def _others(self, gradient: Array, hessian: Array) -> tuple[Array, Array]:
-        """The other numbers' best step (n,) without a field, and what it is more by the field (n,M)."""
+    def _apart(self, gradient: Array, hessian: Array) -> tuple[Array, Array, Array, Array]:
+        """The other numbers' best step (n,) without a field, and what it is more by the field (n,M); then gradient (M,)
+        and Hessian (M,M) of the field alone."""
         count = len(self.value)
         own = hessian[:count, :count] + np.diag(self.prior)
         scale = np.sqrt(np.maximum(np.diag(own), 1e-300))
         inverse = np.linalg.pinv(own / scale[:, None] / scale, rcond=1e-10, hermitian=True) / scale[:, None] / scale
-        return inverse @ (gradient[:count] - self.prior * self.value), -inverse @ hessian[:count, count:]
+        others, by_field = inverse @ (gradient[:count] - self.prior * self.value), -inverse @ hessian[:count, count:]
+        cross = hessian[count:, :count]
+        return others, by_field, gradient[count:] - cross @ others, hessian[count:, count:] + cross @ by_field
 
     def fold(self, out: Sequence[int]) -> Fold:
         """What cells held ``out`` would say of a field that the others tell."""
         count = len(self.value)
         inside = ~np.isin(np.arange(len(self.gradient)), out)
-        gradient, hessian = self.gradient[inside].sum(axis=0), self.hessian[inside].sum(axis=0)
-        others, by_field = self._others(gradient, hessian)
-        cross = hessian[count:, :count]
+        within = self.gradient[inside].sum(axis=0), self.hessian[inside].sum(axis=0)
+        others, by_field, gradient, hessian = self._apart(*within)
         slope, curved = self.gradient[~inside].sum(axis=0), self.hessian[~inside].sum(axis=0)
         through = np.vstack([by_field, np.eye(len(by_field.T))])
         left = slope - curved[:, :count] @ others
         return Fold(
-            gradient[count:] - cross @ others,
-            hessian[count:, count:] + cross @ by_field,
+            gradient,
+            hessian,
             float(self.cost[~inside].sum() - 0.5 * (slope + left)[:count] @ others),
             float(self.numbers[~inside].sum()),
             through.T @ left,
@@ -193,9 +191,7 @@ def _others(current: Solved, number: int) -> NDArray[np.bool_]:
     """Which numbers of a fit aren't sizes of modes of the term ``number``."""
     others = np.ones(len(current.fit.value), dtype=bool)
     if number < len(current.terms):
-        term = current.terms[number]
-        first = len(others) - sum(t.count for t in current.terms[number:])
-        others[first + len(term.free) : first + term.count] = False
+        others[current.sizes(number)] = False
     return others
 
 
