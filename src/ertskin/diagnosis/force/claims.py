@@ -90,10 +90,9 @@ def _felt(claim: Claim, selection: Selection) -> Claim:
     solved = selection.after
     for number, term in enumerate(solved.terms):
         if term.name == claim.effect.name and term.free:
-            parameters = dict(claim.parameters)
-            for key in term.free:
-                parameters[key] = estimate(*solved.known(number, key), term.effect.parameters()[key])
-            return replace(claim, effect=term.effect, parameters=parameters)
+            known = term.effect.parameters()
+            found = {key: estimate(*solved.known(number, key), known[key]) for key in term.free}
+            return replace(claim, effect=term.effect, parameters=claim.parameters | found)
     return claim
 
 

@@ -362,9 +362,7 @@ def _voltage_claim(selection: Selection, chosen: Chosen, number: int) -> Claim:
     solved = selection.after
     first = len(solved.terms) - len(selection.chosen)
     term = solved.terms[first + number]
-    estimates = {}
-    for key in term.free:
-        estimates[key] = estimate(*solved.known(first + number, key), term.effect.known(key))
+    estimates = {key: estimate(*solved.known(first + number, key), term.effect.known(key)) for key in term.free}
     confidence, alternatives = against(chosen.rivals, selection.problem.evidence.criteria)
     ratio, rivals = chosen.ratio_alone, chosen.rivals
     return Claim(term.effect, confidence, ratio, estimates, alternatives, rivals, misfits_by_place=chosen.by_place)

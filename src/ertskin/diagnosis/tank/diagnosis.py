@@ -236,14 +236,12 @@ def _effect(column: ColumnError) -> Effect:
 
 
 def _estimates(column: ColumnError) -> dict[str, Estimate]:
-    found = {}
-    for key, value, error, unit in (
-        ("gain", column.gain, column.gain_error, "1"),
-        ("offset_v", column.offset_v, column.offset_error_v, "V"),
-    ):
-        if np.isfinite(error):
-            found[key] = Estimate(value, value - QUANTILE * error, value + QUANTILE * error, unit)
-    return found
+    found = (("gain", column.gain, column.gain_error, "1"), ("offset_v", column.offset_v, column.offset_error_v, "V"))
+    return {
+        key: Estimate(value, value - QUANTILE * error, value + QUANTILE * error, unit)
+        for key, value, error, unit in found
+        if np.isfinite(error)
+    }
 
 
 def _electrode_drawing(before: ElectrodeErrors, after: ElectrodeErrors) -> Drawing:
