@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ertskin.diagnosis.fit.bounded_step import Region, bounded_step
-from ertskin.diagnosis.fit.quadratic import LocalModel
+from ertskin.diagnosis.fit.quadratic import LocalModel, Quadratic
 from ertskin.diagnosis.fit.solved import LEAST_DAMPING, Solved
 
 Array = NDArray[np.float64]
@@ -30,13 +30,11 @@ def held_out(solved: Solved, partitions: Sequence[Sequence[int]]) -> Array:
     quadratic = solved.fit.quadratic
     cells = np.arange(len(quadratic.cost))
     result = np.zeros(len(partitions))
-    shift = solved.fit.prior.diagonal()
     numbers = _numbers(solved)
     for k, out in enumerate(partitions):
         inside = ~np.isin(cells, out)
-        curvature = quadratic.hessian[inside].sum(axis=0) + solved.fit.prior
-        slope = quadratic.gradient[inside].sum(axis=0) - shift * solved.fit.from_prior
-        step = _step(solved, LocalModel(slope, curvature), numbers)
+        others = Quadratic(quadratic.cost[inside], quadratic.gradient[inside], quadratic.hessian[inside])
+        step = _step(solved, LocalModel.of(others, solved.fit.prior, solved.fit.from_prior), numbers)
         for cell in out:
             change = -quadratic.gradient[cell] @ step + 0.5 * step @ quadratic.hessian[cell] @ step
             result[k] += quadratic.cost[cell] + max(change, 0.0)

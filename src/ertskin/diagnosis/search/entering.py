@@ -13,7 +13,7 @@ from ertskin.diagnosis.fit.solved import Solved
 from ertskin.diagnosis.fit.terms import Term
 from ertskin.diagnosis.search.candidates import Candidate
 from ertskin.diagnosis.search.chosen import Rivals
-from ertskin.diagnosis.search.exchange import gain_of_exchange
+from ertskin.diagnosis.search.exchange import counting_leftover, gain_of_exchange
 from ertskin.diagnosis.search.settling import refined, where_it_settles
 from ertskin.diagnosis.search.smooth_fields import with_smooth_field
 from ertskin.diagnosis.search.trials import KNOWN, Trial, is_worth_a_name, unlikely
@@ -161,9 +161,7 @@ def of_few_numbers(
 def _likelier(solved: Solved, other: CheckedFit, least: float = 0.0) -> float | None:
     """By how much a fit is likelier than another of its frames; None where not significantly, or by ``least`` at
     most."""
-    counted = other.solved
-    if counted.leftover != solved.leftover:
-        counted = other.problem.solve(counted.terms, counted.calibration, steps=1, leftover=solved.leftover)
+    counted = counting_leftover(other.problem, other.solved, solved.leftover)
     likelier = unlikely(counted) - unlikely(solved)
     return likelier if likelier > max(other.problem.evidence.criteria.significant_gain, least) else None
 

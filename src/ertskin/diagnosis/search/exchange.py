@@ -55,7 +55,7 @@ def exchanged(
     proposed = refined(build, proposed, partitions)
     if proposed.spoils(incumbent):
         return None
-    found = _counting(proposed.problem, proposed.solved, swap.present.leftover)
+    found = counting_leftover(proposed.problem, proposed.solved, swap.present.leftover)
     criteria = incumbent.problem.evidence.criteria
     fitted = _likelier(swap.present, found)
     gain = min(fitted, gained(swap.present, found, partitions, criteria))
@@ -66,7 +66,7 @@ def _swaps(incumbent: CheckedFit, trials: Sequence[Trial], fixed: int) -> Iterat
     """Every term that a trial's may be taken for, and the trial's fit without it, unless that is hopeless."""
     problem, current = incumbent.problem, incumbent.solved
     names = {term.name for term in current.terms}
-    counting = cache(partial(_counting, problem, current))
+    counting = cache(partial(counting_leftover, problem, current))
     for trial in trials:
         if trial.term.name in names or trial.term.effect.hypothesis.field:
             continue
@@ -86,7 +86,7 @@ def gain_of_exchange(present: CheckedFit, proposed: CheckedFit) -> float:
     one, the specimen's readings with it: both count what no network explains, or neither, and smooth fields have the
     likeliest covariance."""
     both = acquires(present.solved.effects) or acquires(proposed.solved.effects)
-    found = [_counting(fit.problem, fit.solved, both) for fit in (present, proposed)]
+    found = [counting_leftover(fit.problem, fit.solved, both) for fit in (present, proposed)]
     spare = [spare_evidence(fit.problem, one) for fit, one in zip((present, proposed), found, strict=True)]
     return _likelier(*found) + spare[1] - spare[0]
 
@@ -95,7 +95,7 @@ def _likelier(present: Solved, proposed: Solved) -> float:
     return present.cost + freedom(present) - proposed.cost - freedom(proposed)
 
 
-def _counting(problem: VoltageProblem, solved: Solved, leftover: bool) -> Solved:
+def counting_leftover(problem: VoltageProblem, solved: Solved, leftover: bool) -> Solved:
     """The fit that counts what no network explains, or one that doesn't."""
     if solved.leftover == leftover:
         return solved

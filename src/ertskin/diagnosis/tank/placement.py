@@ -23,6 +23,7 @@ from ertskin.physics.conduction.mesh import Grading
 from ertskin.physics.conduction.sheet import Resolution, SheetModel
 from ertskin.physics.protocol import Protocol, pair_resistances, transfer_matrix
 from ertskin.physics.sensor import Sensor
+from ertskin.physics.skin import lagrange_weights
 
 Array = NDArray[np.float64]
 
@@ -104,13 +105,10 @@ class Rim:
         """(3,L,L) response between electrodes at these places, and its derivatives by the conductance's slopes."""
         place = np.mod(arc_m, self.length_m) / self.length_m * RING
         first = np.floor(place).astype(int)
-        weight = np.zeros((len(place), RING))
-        offset = place - first
-        # Four-point Lagrange interpolation: the response is a logarithm of the distance.
-        for k in range(-1, 3):
-            others = [m for m in range(-1, 3) if m != k]
-            share = np.prod([(offset - m) / (k - m) for m in others], axis=0)
-            np.add.at(weight, (np.arange(len(place)), (first + k) % RING), share)
+        weight, near = np.zeros((len(place), RING)), np.arange(-1, 3)
+        # Four-point interpolation: the response is a logarithm of the distance.
+        share = lagrange_weights(near.astype(float), place - first)
+        np.put_along_axis(weight, (first[:, None] + near) % RING, share, axis=1)
         return np.asarray(weight @ self.response @ weight.T)
 
 
