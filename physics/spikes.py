@@ -20,6 +20,11 @@ def robust_std(values: Array, axis: int | None = None) -> Array:
     return np.asarray(_MAD_TO_STD * np.median(np.abs(values), axis=axis))
 
 
+def noise_on_course(values: Array) -> float:
+    """Standard deviation of the noise of ``values`` (N,) on a smooth course, from third differences; 1e-4 at least."""
+    return float(max(robust_std(np.diff(values, 3)) / np.sqrt(20.0), 1e-4))
+
+
 def despiked(
     protocol: Protocol, voltage_v: Array, threshold: float = 5.0, rounds: int = 40
 ) -> tuple[Array, NDArray[np.bool_]]:

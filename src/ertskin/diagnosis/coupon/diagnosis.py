@@ -33,6 +33,7 @@ from ertskin.physics.effects.effect import FoamEffect, Start
 from ertskin.physics.effects.hypothesis import Signal
 from ertskin.physics.effects.registry import effects_shown_by
 from ertskin.physics.effects.standard import Standard
+from ertskin.physics.spikes import noise_on_course
 
 Rows = NDArray[np.bool_]
 
@@ -81,7 +82,7 @@ def diagnose_coupon(coupon: Coupon, name: str, criteria: Criteria = DEFAULT) -> 
         return refused(name, f"{len(cycles)} loading cycle{'s' * (len(cycles) != 1)}: nothing is left to predict")
     fitted, out, split = regimes(test)
     elastic = elastic_model([test], [fitted])
-    noise = coupon_noise_n(test)
+    noise = noise_on_course(test.force_n)
     before = rmse_n(elastic, test, out)
     form, trial = FORM, tried(test, fitted, out, FORM, HELD)
     without = {e.name: tried(test, fitted, out, tuple(o for o in form if o is not e), HELD) for e in form}
@@ -175,13 +176,7 @@ def _claim(
         if np.isfinite(error):
             low, high = max(value - error, known[key].low), min(value + error, known[key].high)
             estimates[key] = Estimate(value, low, high, known[key].unit)
-    ratio = without.out_n / coupon_noise_n(test)
+    ratio = without.out_n / noise_on_course(test.force_n)
     claim = Claim(effect, confidence, ratio, estimates, tuple((n, c) for n, c in alternatives if n != "none"))
     standard = Standard(np.ones_like, np.nan, float(test.sink_m().max()), test.height_m)
     return stated(claim, standard, Spread.of(estimates))
-
-
-def coupon_noise_n(test: Compression) -> float:
-    """Noise of a force reading, from third differences."""
-    jump = np.diff(test.force_n, 3)
-    return float(max(1.4826 * np.median(np.abs(jump)) / np.sqrt(20.0), 1e-4))

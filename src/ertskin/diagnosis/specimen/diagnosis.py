@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ertskin.diagnosis.contract.claims import Claim, Diagnosis, HeldOut, confidences, estimate, verdict_of
+from ertskin.diagnosis.contract.claims import Claim, Diagnosis, HeldOut, against, estimate, verdict_of
 from ertskin.diagnosis.criteria import DEFAULT, Criteria
 from ertskin.diagnosis.judge.quantities import Spread, stated
 from ertskin.diagnosis.judge.result import Findings, refused
@@ -23,8 +23,7 @@ from ertskin.diagnosis.specimen.spread import spreads_of
 from ertskin.hardware.measurement import Specimen
 from ertskin.physics.effects.effect import PiezoEffect
 from ertskin.physics.effects.standard import Standard
-
-Array = NDArray[np.float64]
+from ertskin.physics.spikes import noise_on_course
 
 FITTED = 5 / 8
 """Part of the presses that are fitted, ten of sixteen; the others are held out."""
@@ -46,7 +45,7 @@ def diagnose_specimen(specimen: Specimen, name: str, criteria: Criteria = DEFAUL
     if reason:
         return refused(name, reason)
     test, press = _thinned(specimen)
-    noise = _noise(specimen.sheet_resistance_ohm_sq)
+    noise = noise_on_course(np.log(np.asarray(specimen.sheet_resistance_ohm_sq, dtype=float)))
     each = presses(test, press, criteria)
     judged, rows = (each.scaled, each.ahead) if each.differ else (test, ~test.fitted)
     found, _ = specimen_findings(judged, criteria)
@@ -127,19 +126,12 @@ def _ahead(test: LogarithmicTest, effects: Sequence[PiezoEffect], rows: NDArray[
     return float(np.sqrt(np.mean(test.errors(effects)[rows] ** 2)))
 
 
-def _noise(resistance: Array) -> float:
-    """Relative noise of a reading, from third differences of its logarithm."""
-    jump = np.diff(np.log(np.asarray(resistance, dtype=float)), 3)
-    return float(max(1.4826 * np.median(np.abs(jump)) / np.sqrt(20.0), 1e-4))
-
-
 def _claim(
     test: LogarithmicTest, finding: SpecimenFinding, spread: Spread, sizes: tuple[float, float], criteria: Criteria
 ) -> Claim:
     """``sizes``: the misfit over noise with the effect alone, and how many times better the claims predict."""
     ratio, gain = sizes
-    shares = [(rival.effect.name, rival.short) for rival in finding.rivals]
-    confidence, alternatives = confidences(tuple(shares), criteria)
+    confidence, alternatives = against(finding.rivals, criteria)
     known = finding.effect.parameters()
     estimates = {
         key: estimate(float(getattr(finding.effect, key)), float(error), known[key])
