@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ertskin.diagnosis.force.fit import ForceData, ForceFit, fit_force, force_starts
-from ertskin.diagnosis.force.remainder import Remainder, likeliest
+from ertskin.diagnosis.force.remainder import likeliest
 from ertskin.physics.effects.effect import Start
 
 ROUNDS = 8
@@ -52,13 +52,13 @@ def select_force_effects(
     that one's form. What no effect explains competes with every effect and, once it explains more, is part of the
     noise. The search begins with the effects ``begun``.
     """
-    search = ForceSearch(data, folds, threshold, second_share)
+    search, history, used = ForceSearch(data, folds, threshold, second_share), data.history, data.used
     base = fit_force(data, ())
     best = fit_force(data, begun) if begun else base
     score = search.foretold(best)
     for _ in range(ROUNDS):
         changed, gain = _most(search, best, score)
-        remainder, evidence = _nameless(search, best)
+        remainder, evidence = likeliest(history, used, history.force_n[used], best.residual[used])
         if best.remainder is None and evidence > max(gain, threshold):
             best = fit_force(data, best.terms, start=replace(best, remainder=remainder))
             score = search.foretold(best)
@@ -67,12 +67,6 @@ def select_force_effects(
             break
         best, score = changed, score - gain
     return base, _without_the_small(search, best, score)
-
-
-def _nameless(search: ForceSearch, best: ForceFit) -> tuple[Remainder, float]:
-    """What no effect explains, and its log evidence beside the fit."""
-    used = search.data.used
-    return likeliest(search.data.history, used, search.data.history.force_n[used], best.residual[used])
 
 
 def _most(search: ForceSearch, best: ForceFit, score: float) -> tuple[ForceFit, float]:

@@ -153,8 +153,3 @@ class PadRims:
         change = -solution.transfer_ohm @ form @ solution.transfer_ohm
         found = protocol.whitened(pair_resistances(change.reshape(-1, electrodes, electrodes)))
         return np.asarray(found.T.reshape(-1, electrodes, 2))
-
-
-def model_elements(model: SheetModel, near: NDArray[np.bool_]) -> Indices:
-    """Elements with a quadrature point where ``near`` (E*Q,) holds."""
-    return np.flatnonzero(near.reshape(model.weight_m2.shape).any(axis=1))

@@ -17,7 +17,6 @@ from ertskin.diagnosis.linear.sensitivity import (
     Hats,
     PadRims,
     Potentials,
-    model_elements,
     sheet_sensitivity,
     whitening_of_transfer,
 )
@@ -159,8 +158,8 @@ class StateSolver:
         )
         touched = [within(contact.center_m, spots, reach_m).any() for contact in self.skin.sheet.contacts]
         leaning, nothing = np.flatnonzero(touched), Solutions([], np.zeros((len(inside), 0), dtype=np.float32))
-        elements = model_elements(self.skin.sheet, within(points_m, spots, reach_m))
         per = self.skin.sheet.weight_m2.shape[1]
+        elements = np.flatnonzero(within(points_m, spots, reach_m).reshape(-1, per).any(axis=1))
         points = (elements[:, None] * per + np.arange(per)).ravel()
         close = points[within(points_m[points], spots, reach_m)]
         at_points = hats.values(points_m[points])[inside].tocsc()

@@ -101,18 +101,15 @@ def _explaining_most(build: Problem, without: CheckedFit, kind: type[Effect]) ->
     solved, spread = begun, SPREADS[-1]
     for _ in range(2):
         # The first fit tells by how much places differ, which is what is expected of those not pressed.
-        term = _term(kind, place_m, spread, extent_m)
+        modes = modes_at(place_m, spread, extent_m)
+        term = Term(kind(), (), modes).at([0.0] * len(modes.nodes))
         solved = problem.solve([*begun.terms, term], _nominal(begun), leftover=begun.leftover)
         spread = float(np.std(logarithms(solved.effects[-1], place_m, extent_m)))
         if spread < LEAST_SPREAD:
             return None
     proposed = where_it_settles(build, problem, solved)
-    return proposed if proposed is not None and _explains_most(proposed, without) else None
-
-
-def _explains_most(proposed: CheckedFit, without: CheckedFit) -> bool:
-    left = 1 - proposed.problem.evidence.criteria.most_share
-    return proposed.misfit**2 - 1 < left * (without.misfit**2 - 1)
+    left = 1 - problem.evidence.criteria.most_share
+    return proposed if proposed is not None and proposed.misfit**2 - 1 < left * (without.misfit**2 - 1) else None
 
 
 def pressed_places_m(problem: VoltageProblem) -> Array:
@@ -127,11 +124,6 @@ def logarithms(effect: Effect, place_m: Array, extent_m: Array) -> Array:
     """(K,) logarithm of a field's factor at places (K,2)."""
     found = effect.map_at(place_m, extent_m)
     return np.zeros(len(place_m)) if found is None else found
-
-
-def _term(kind: type[Effect], place_m: Array, spread: float, extent_m: Array) -> Term:
-    modes = modes_at(place_m, spread, extent_m)
-    return Term(kind(), (), modes).at(np.zeros(len(modes.nodes)).tolist())
 
 
 def modes_at(place_m: Array, spread: float, extent_m: Array) -> Modes:

@@ -71,7 +71,8 @@ def specimen_findings(test: SpecimenTest, criteria: Criteria) -> tuple[list[Spec
     while len(terms) < len({effect.name for effect, _ in starts}):
         taken = {effect.name for effect, _ in terms}
         fits = [_fitted(test, [*terms, start]) for start in starts if start[0].name not in taken]
-        gains = [_gain(residual, left) for _, left in fits]
+        # Half the change of -2 log likelihood for noise of unknown size.
+        gains = [float(len(residual) * np.log(_rms(residual) / max(_rms(left), 1e-12))) for _, left in fits]
         best = int(np.argmax(gains))
         least = max(criteria.significant_gain, criteria.second_share * largest)
         if gains[best] < least or _rms(residual) < criteria.material_ratio * _rms(fits[best][1]):
@@ -112,11 +113,6 @@ def _fitted(test: SpecimenTest, starts: Sequence[Term]) -> tuple[list[Term], Arr
         diff_step=1e-3,
     )
     return [(effect, free) for effect, (_, free) in zip(at(fit.x), starts, strict=True)], np.asarray(fit.fun)
-
-
-def _gain(before: Array, after: Array) -> float:
-    """Half the change of -2 log likelihood for noise of unknown size."""
-    return float(len(before) * np.log(_rms(before) / max(_rms(after), 1e-12)))
 
 
 def _rms(residual: Array) -> float:
