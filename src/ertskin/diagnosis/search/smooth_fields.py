@@ -345,16 +345,21 @@ def with_smooth_fields(problem: VoltageProblem, current: Solved, partitions: Seq
 
 
 def with_smooth_field(
-    problem: VoltageProblem, current: Solved, number: int, partitions: Sequence[Sequence[int]]
+    problem: VoltageProblem,
+    current: Solved,
+    number: int,
+    partitions: Sequence[Sequence[int]],
+    least: float = -np.inf,
 ) -> Solved | None:
-    """The fit with a term's field in the modes that the data tell of about this fit; None where they gain too little.
+    """The fit with a term's field in the modes that the data tell of about this fit; None where they gain too little,
+    or are expected to gain less than the ``least`` (half chi-square, held out).
 
     Cells held out must be predicted better; a field that isn't smooth yet must gain evidence, too.
     """
     current, extent_m = problem.at_hand(current), problem.evidence.sensor.extent_m
     quadratic = NodeQuadratic.of(problem, current, current.effects, number)
     process = foretelling(quadratic, extent_m, partitions)
-    if not process.modes.size or not np.isfinite(process.sizes).all():
+    if process.gain < least or not process.modes.size or not np.isfinite(process.sizes).all():
         return None
     terms = [*current.terms[:number], process.of(current.terms[number], extent_m), *current.terms[number + 1 :]]
     freed = problem.solve(terms, current.calibration, steps=STEPS, leftover=current.leftover)

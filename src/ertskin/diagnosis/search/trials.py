@@ -245,14 +245,15 @@ def _try(
             continue
         results.append(trial(solved))
     problem.reuse = False
-    results += [trial(both) for both in _with_remainders(problem, results, partitions)]
+    least = worth_a_name(problem, current)
+    results += [trial(both) for both in _with_remainders(problem, results, partitions, EXPECTED * least)]
     if results:
         # Cells are predicted by a step from the fit: one that isn't at its best yet may predict badly, and fit best.
         k = min(range(len(results)), key=lambda k: of_frames(results[k].solved))
         found = results[k]
         if found.gain < of_frames(without) - of_frames(found.solved) and found.gain < max(t.gain for t in results):
             results[k] = trial(problem.solve(found.solved.terms, found.solved.calibration, leftover=instrument))
-    first = _unfulfilled(candidates, results, worth_a_name(problem, current))
+    first = _unfulfilled(candidates, results, least)
     elsewhere = None if first is None else settle(results[first].solved)
     if first is not None and elsewhere is not None and elsewhere.solved.leftover == without.leftover:
         results[first] = max(results[first], trial(elsewhere.solved, elsewhere.problem), key=lambda t: t.gain)
@@ -276,13 +277,15 @@ def _unfulfilled(candidates: Sequence[Candidate], trials: Sequence[Trial], least
 
 
 def _with_remainders(
-    problem: VoltageProblem, trials: Sequence[Trial], partitions: Sequence[Sequence[int]]
+    problem: VoltageProblem, trials: Sequence[Trial], partitions: Sequence[Sequence[int]], least: float
 ) -> Iterator[Solved]:
-    """The best form of few numbers of each property that varies, and a smooth field for what it leaves."""
+    """The best form of few numbers of each property that varies, and a smooth field for what it leaves, where both
+    together are expected to gain the ``least`` (half chi-square)."""
     forms = [t for t in trials if t.term.effect.hypothesis.field and t.term.modes is None and t.gain > 0]
     for name in dict.fromkeys(t.term.name for t in forms):
-        best = min((t.solved for t in forms if t.term.name == name), key=of_frames)
-        both = with_smooth_field(problem, best, len(best.terms) - 1, partitions)
+        best = min((t for t in forms if t.term.name == name), key=lambda t: of_frames(t.solved))
+        number = len(best.solved.terms) - 1
+        both = with_smooth_field(problem, best.solved, number, partitions, least - best.gain)
         if both is not None:
             yield both
 
