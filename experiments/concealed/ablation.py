@@ -31,6 +31,7 @@ sys.path.insert(0, str(Path(__file__).parent / "proof"))
 import numpy as np  # noqa: E402
 from judged import CONFIDENT, LIKELY, Judged  # noqa: E402
 
+from ertskin.diagnosis.fit.full_solution_check import CheckedFit  # noqa: E402
 from ertskin.diagnosis.output.diagnosis_file import finite  # noqa: E402
 from ertskin.diagnosis.search.form_error import FormError  # noqa: E402
 from ertskin.diagnosis.skin import diagnose  # noqa: E402
@@ -195,23 +196,27 @@ def counted() -> Iterator[Counter[str]]:
 
 
 def _same(said: Any, instead: Any) -> bool:
-    """Whether a rule said what takes its place says: the same objects, or equal plain values."""
+    """Whether a rule said what takes its place says: the same objects, fits of the same numbers, equal plain values."""
     if isinstance(said, tuple | list) and isinstance(instead, tuple | list):
         return len(said) == len(instead) and all(map(_same, said, instead))
     if isinstance(said, FormError):
         return said.sizes is None
-    return said is instead or (isinstance(said, bool | float) and said == instead)
+    if isinstance(said, CheckedFit) and isinstance(instead, CheckedFit):
+        return said.problem is instead.problem and said.solved is instead.solved
+    return said is instead or (isinstance(said, bool | float | np.bool_) and bool(said == instead))
 
 
 def answer(recording: Path, rule: str | None, out: Path) -> dict[str, Any]:
     """What a diagnosis without the rule says, made once; with ``cpu_s``, what it took.
 
-    With all rules also ``acted``, how often each did; without one that never did nothing is run.
+    With all rules also ``acted``, how often each did. Without one that never did nothing is run: the answer is that
+    with all, but for steps that the rule took in vain, and its time isn't known (``cpu_s`` None).
     """
     file = out / (rule or "all") / recording.stem / "diagnosis.json"
     if not file.is_file():
         with_all = answer(recording, None, out) if rule is not None else {}
-        said = with_all if with_all.get("acted", {}).get(rule) == 0 else _diagnosed(recording, rule)
+        idle = with_all.get("acted", {}).get(rule) == 0
+        said = {**with_all, "cpu_s": None} if idle else _diagnosed(recording, rule)
         file.parent.mkdir(parents=True, exist_ok=True)
         write_whole(file, json.dumps(finite(said), indent=1))
     return dict(json.loads(file.read_text(encoding="utf-8")))
@@ -235,27 +240,29 @@ class Count:
     wrong: int
     surely_wrong: int
     ratios: tuple[float, ...]
-    cpu_s: float
+    cpu_s: float | None
 
     @classmethod
     def of(cls, cases: Sequence[Judged]) -> Count:
         """Of recordings opened."""
         claims = [(case, claim) for case in cases for claim in case.likely]
         wrong = [claim for case, claim in claims if not case.is_right(claim)]
+        took = [case.diagnosis["cpu_s"] for case in cases]
         return cls(
             sum(len(case.hidden) for case in cases),
             len({(case.name, claim["name"]) for case, claim in claims if case.is_right(claim)}),
             len(wrong),
             sum(claim["confidence"] >= CONFIDENT for claim in wrong),
             tuple(float(case.diagnosis["held_out"]["ratio_after"] or np.nan) for case in cases),
-            sum(float(case.diagnosis["cpu_s"]) for case in cases),
+            None if None in took else float(sum(took)),
         )
 
     def row(self, name: str) -> str:
         """A line of the table."""
         left = ", ".join(f"{ratio:.3f}" for ratio in self.ratios)
         wrong = f"{self.wrong} ({self.surely_wrong})"
-        return f"| {name} | {self.right} of {self.hidden} | {wrong} | {left} | {self.cpu_s:.0f} |"
+        cpu = "" if self.cpu_s is None else f"{self.cpu_s:.0f}"
+        return f"| {name} | {self.right} of {self.hidden} | {wrong} | {left} | {cpu} |"
 
 
 def opened(out: Path, truths: Path, recordings: Sequence[Path], rule: str | None) -> list[Judged] | None:

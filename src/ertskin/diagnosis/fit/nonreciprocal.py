@@ -201,7 +201,7 @@ class AcquisitionSignal:
         basis = protocol.orthonormal
         skew = motions(skin.effects)
         shape = (len(self.rows), *protocol.shape)
-        if not skew or protocol.injection_offset_s is None:
+        if not skew or not protocol.timed:
             return (linear.still_scans(skin, linear.force_n)[self.rows] @ basis.T).reshape(shape)
         weights = moments_of(skew[0], protocol)[1]
         still = linear.skewed(skin, linear.force_n)

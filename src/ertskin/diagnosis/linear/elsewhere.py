@@ -23,7 +23,7 @@ from ertskin.physics.skin import Skin
 Array = NDArray[np.float64]
 
 GRID_M = 4e-3
-"""A press's own changes are resolved finer."""
+"""Grid for what is away from presses: a press's own changes are resolved finer."""
 
 
 class Elsewhere:

@@ -8,7 +8,6 @@ rest. Everything is in whitened coordinates (volt).
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 from typing import cast
 
 import numpy as np
@@ -73,7 +72,7 @@ class LinearSkin:
         self._moving: tuple[Skin, Array, list[Array]] | None = None
         self._mixing: dict[bool, list[Array]] = {}
         self.frames = PressedFrames(skin, history, force_n, self.wanted)
-        moments, forces = self._moved(skin, force_n, whole=True)
+        moments, forces = self._forces_at(skin, force_n)
         untouched = UntouchedSheet(self.frames)
         states = StateSolver(untouched)
         self.patches, *moved = states.patches([force_n, *forces], progress or (lambda share, text: None))
@@ -81,19 +80,18 @@ class LinearSkin:
         self.sheet = WholeSheet(self.frames, self.patches)
         self._elsewhere = Elsewhere(untouched, Potentials.of(states.rest), self.patches, self.sheet)
 
-    def _moved(self, skin: Skin, force_n: Array, whole: bool = False) -> tuple[list[float], list[Array]]:
-        """The moments of a scan at which presses that move are looked at, the ``whole`` way however readings run, and
-        the forces (T,C) then; none where nothing moves."""
+    def _forces_at(self, skin: Skin, force_n: Array) -> tuple[list[float], list[Array]]:
+        """The moments of a scan at which presses that move are looked at, and the forces (T,C) then; none where nothing
+        moves."""
         skew = self._motion(skin)
         if skew is None:
             return [], []
-        moments = moments_of(replace(skew, straight=False) if whole else skew, self.protocol)[0]
+        moments = moments_of(skew, self.protocol)[0]
         return moments.tolist(), self.frames.moved_forces(skin, skew, force_n, moments)
 
     def _motion(self, skin: Skin) -> MotionEffect | None:
         """How a skin's presses move during a scan, where its injections are timed; None where they don't."""
-        timed = self.protocol.injection_offset_s is not None
-        return next(iter(motions(skin.effects)), None) if timed else None
+        return next(iter(motions(skin.effects)), None) if self.protocol.timed else None
 
     # evaluating ----------------------------------------------------------------------------------------------------
 
@@ -122,7 +120,7 @@ class LinearSkin:
         """Forces (T,C) at each of the moments of a skin's motion, and the patches about which it is linear then."""
         return [
             (force, self._patches_at.get(moment, self.patches))
-            for moment, force in zip(*self._moved(skin, force_n), strict=True)
+            for moment, force in zip(*self._forces_at(skin, force_n), strict=True)
         ]
 
     def still_scans(self, skin: Skin, force_n: Array, patches: list[Patch] | None = None) -> Array:
@@ -235,7 +233,7 @@ class LinearSkin:
         wide = None if broad is None else self.sheet.changes(broad)
         skew, moments = self._motion(skin), self._moments(skin, self.force_n)
         # What they remember is begun before several threads ask for it.
-        for force_n, _ in moments:
+        for force_n in (self.force_n, *(force_n for force_n, _ in moments)):
             self.frames.memory(force_n)
 
         def still(number: int, force_n: Array, patches: list[Patch]) -> Array:

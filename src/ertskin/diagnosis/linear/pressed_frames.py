@@ -40,7 +40,7 @@ class Memory:
     it is.
 
     ``pressures`` by points and frames, ``relative`` and ``change`` by patch; ``regime``: pressure field and mechanics
-    that they belong to. ``still``: a skin and its scans (n,P).
+    that they belong to. ``still``: a skin and its scans (n,P). Forces of a moment go with the patches of that moment.
     """
 
     force_n: Array

@@ -22,7 +22,7 @@ from ertskin.diagnosis.linear.sensitivity import (
 )
 from ertskin.diagnosis.linear.sheet_state import SheetState
 from ertskin.physics.conduction.sheet import Solution
-from ertskin.physics.contacts import contact_groups, frames_since, memory_frames, within
+from ertskin.physics.contacts import contact_groups, frames_since, in_air, memory_frames, within
 
 Array = NDArray[np.float64]
 
@@ -130,6 +130,8 @@ class StateSolver:
         before, states = patch.past_of(skin), []
         for number, (force_n, (every_ohm, every_share)) in enumerate(zip(forces, contacts, strict=True)):
             mine = [k - number * count for k in leaders if k // count == number]
+            if not mine:
+                continue
             led = Past(before.frames, before.own[mine])
             pressed = frames.relative_at(skin, force_n, self.sheet.points_m[place.close], led)
             for k, values in zip(mine, pressed, strict=True):
@@ -151,10 +153,10 @@ class StateSolver:
             high = np.minimum(spots.max(axis=0) + reach_m, high_m)
         hats = Hats(low, high, GRID_M)
         inside = np.flatnonzero(within(hats.node_m, spots, reach_m + 2 * GRID_M))
-        visited, in_air = self.frames.wanted[rows], np.asarray(~self.frames.present.any(axis=1))
+        visited, air = self.frames.wanted[rows], in_air(self.frames.contact_m, self.frames.force_n)
         visits = memory_frames(self.frames.contact_m, self.frames.force_n, spots, reach_m)
         past, since_air = (
-            Past(known, np.searchsorted(known, visited)) for known in (visits, frames_since(in_air, visited))
+            Past(known, np.searchsorted(known, visited)) for known in (visits, frames_since(air, visited))
         )
         touched = [within(contact.center_m, spots, reach_m).any() for contact in self.skin.sheet.contacts]
         leaning, nothing = np.flatnonzero(touched), Solutions([], np.zeros((len(inside), 0), dtype=np.float32))

@@ -48,7 +48,7 @@ def _hats(box_m: tuple[float, ...]) -> Hats:
     return Hats(low_m, high_m, SHEET_GRID_M)
 
 
-@lru_cache(maxsize=4)
+@lru_cache(maxsize=1)
 def _onto_hats(box_m: tuple[float, ...]) -> tuple[Array, Array]:
     """Points (N,2) all over a sheet's box, and the least-squares fit (H,N) of the coarse grid's hats to values there.
 
@@ -61,7 +61,11 @@ def _onto_hats(box_m: tuple[float, ...]) -> tuple[Array, Array]:
 
 
 class WholeSheet:
-    """First-order change of the scans of ``patches`` by fields over the whole sheet and its anisotropy."""
+    """First-order change of the scans of ``patches`` by fields over the whole sheet and its anisotropy.
+
+    Where presses move during a scan the patches are those of presses that stand still; states solved for a moment that
+    presses more than any frame does are as much stronger as they change more of the conductance.
+    """
 
     def __init__(self, frames: PressedFrames, patches: Sequence[Patch]) -> None:
         self.frames, self.patches, self.skin = frames, patches, frames.skin

@@ -66,11 +66,49 @@ def test_it_is_the_skin_where_it_was_made(skin: Skin, linear: LinearSkin) -> Non
     np.testing.assert_allclose(linear.scans(skin), whole(skin, linear), atol=5e-3 * signal)
 
 
-def test_presses_may_move_during_the_scan_on_a_skin_with_a_pad_out_of_place(history: History) -> None:
+def moving_skin(*effects: Effect) -> Skin:
+    """Six electrodes, scanned in 0.4 s."""
     pairs = electrode_pairs(6)
     scan = Protocol.against_sink(pairs, 6, 1e-4, injection_offset_s=np.linspace(0.0, 0.4, len(pairs)))
-    effects = (ElectrodeDisplacement(electrode=1, dx_m=-1e-3, dy_m=1e-3), ScanSkew(speed_m_per_s=1e-3))
-    moving = Skin.build(small_sensor(), scan, small_law(), np.linspace(200.0, 900.0, 6), 9000.0, effects, SMALL)
+    return Skin.build(small_sensor(), scan, small_law(), np.linspace(200.0, 900.0, 6), 9000.0, effects, SMALL)
+
+
+def test_presses_may_move_during_the_scan_on_a_skin_with_a_pad_out_of_place(history: History) -> None:
+    moving = moving_skin(ElectrodeDisplacement(electrode=1, dx_m=-1e-3, dy_m=1e-3), ScanSkew(speed_m_per_s=1e-3))
+    linear = LinearSkin(moving, history, np.nan_to_num(moving.force_n(history)), np.arange(len(history)), None)
+    signal = np.ptp(whole(moving, linear), axis=0).max()
+    np.testing.assert_allclose(linear.scans(moving), whole(moving, linear), atol=5e-3 * signal)
+
+
+OWN_COURSE, LIFTING_OFF = ScanSkew(speed_m_per_s=1e-3), ScanSkew(speed_m_per_s=5e-3, at_s=0.2)
+STRAIGHT = replace(OWN_COURSE, straight=True)
+
+
+@pytest.mark.parametrize(
+    ("about", "form"),
+    [(OWN_COURSE, OWN_COURSE), (OWN_COURSE, STRAIGHT), (STRAIGHT, OWN_COURSE), (LIFTING_OFF, LIFTING_OFF)],
+    ids=["own course", "straight, about its own course", "own course, about straight", "lifting off"],
+)
+def test_moments_of_a_motion_share_the_states_solved_whatever_its_form(
+    history: History, about: ScanSkew, form: ScanSkew
+) -> None:
+    still = moving_skin()
+    force_n, frames = np.nan_to_num(still.force_n(history)), np.arange(len(history))
+    linear = LinearSkin(still.with_effects([about]), history, force_n, frames, None)
+    assert len(linear._patches_at) == len(linear.mixing(about))
+    for patches in linear._patches_at.values():
+        assert all(mine.solutions is first.solutions for mine, first in zip(patches, linear.patches, strict=True))
+    moving = still.with_effects([form])
+    signal = np.ptp(whole(moving, linear), axis=0).max()
+    np.testing.assert_allclose(linear.scans(moving), whole(moving, linear), atol=1e-2 * signal)
+
+
+def test_an_untimed_scan_is_read_at_once(history: History) -> None:
+    pairs = electrode_pairs(6)
+    scan = Protocol.against_sink(pairs, 6, 1e-4, injection_offset_s=np.full(len(pairs), 0.1))
+    moving = Skin.build(
+        small_sensor(), scan, small_law(), np.full(6, 500.0), 9000.0, [ScanSkew(speed_m_per_s=1e-3)], SMALL
+    )
     linear = LinearSkin(moving, history, np.nan_to_num(moving.force_n(history)), np.arange(len(history)), None)
     signal = np.ptp(whole(moving, linear), axis=0).max()
     np.testing.assert_allclose(linear.scans(moving), whole(moving, linear), atol=5e-3 * signal)
@@ -79,9 +117,7 @@ def test_presses_may_move_during_the_scan_on_a_skin_with_a_pad_out_of_place(hist
 @pytest.mark.parametrize("begun", [(), (ScanSkew(speed_m_per_s=1e-3),)], ids=["still", "moving"])
 def test_what_is_remembered_is_never_that_of_another_skin(history: History, begun: tuple[ScanSkew, ...]) -> None:
     """Motions, fabrics and sheets by turns, as a fit steps through them, against a linearised skin that is new."""
-    pairs = electrode_pairs(6)
-    scan = Protocol.against_sink(pairs, 6, 1e-4, injection_offset_s=np.linspace(0.0, 0.4, len(pairs)))
-    still = Skin.build(small_sensor(), scan, small_law(), np.linspace(200.0, 900.0, 6), 9000.0, begun, SMALL)
+    still = moving_skin(*begun)
     force_n = np.nan_to_num(still.force_n(history))
     frames = np.arange(len(history))
     linear, bare = (LinearSkin(still, history, force_n, frames, None) for _ in range(2))
@@ -101,6 +137,7 @@ def test_what_is_remembered_is_never_that_of_another_skin(history: History, begu
     for effects in family:
         other, moves = still.with_effects(effects), any(isinstance(one, ScanSkew) for one in effects)
         found = linear.skewed(other, force_n) if moves else [linear.still_scans(other, force_n)]
+        bare.frames._moved = []
         moments = bare._moments(other, force_n) if moves else [(force_n, bare.patches)]
         for scans, moment in zip(found, moments, strict=True):
             np.testing.assert_array_equal(scans, without_memory(bare, other, *moment))
