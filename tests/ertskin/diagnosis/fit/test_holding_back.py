@@ -317,7 +317,7 @@ def test_the_candidate_that_fits_best_is_fitted_to_its_end_where_it_predicts_wor
     )
     monkeypatch.setattr(trials, "_with_term", lambda problem, current, term, leftover: begun[term.name])
     monkeypatch.setattr(trials, "gained", lambda without, present, partitions, criteria: present.gain)
-    monkeypatch.setattr(trials, "_with_remainders", lambda problem, trials, partitions: ())
+    monkeypatch.setattr(trials, "_with_remainders", lambda problem, trials, partitions, least: ())
     monkeypatch.setattr(trials, "of_frames", lambda solved: solved.cost)
     monkeypatch.setattr(trials, "worth_a_name", lambda problem, current: 30.0)
     candidates: Any = [SimpleNamespace(term=term, name=term.name, gain=0.0) for term in (loop, spot)]
@@ -335,7 +335,7 @@ def test_a_first_candidate_that_gains_too_little_is_judged_where_it_settles(
     current, settled = fit_of(loop, 0.0), fit_of(offset, gained_there)
     monkeypatch.setattr(trials, "_with_term", lambda problem, current, term, leftover: fit_of(term, gains[term.name]))
     monkeypatch.setattr(trials, "gained", lambda without, present, partitions, criteria: present.gain)
-    monkeypatch.setattr(trials, "_with_remainders", lambda problem, trials, partitions: ())
+    monkeypatch.setattr(trials, "_with_remainders", lambda problem, trials, partitions, least: ())
     monkeypatch.setattr(trials, "of_frames", lambda solved: 0.0)
     monkeypatch.setattr(trials, "worth_a_name", lambda problem, current: 30.0)
     found: dict[float, list[float]] = {}
@@ -357,3 +357,17 @@ def test_what_is_material_of_the_scans_does_not_hang_on_what_no_network_explains
     solved = Solved(None, (), fit, np.full((100, 10), 1.2))  # type: ignore[arg-type]
     least = trials.material_cost(1000, trials.of_scans(solved), DEFAULT.material_ratio)
     assert least == pytest.approx(0.5 * 1000 * (1.03**2 - 1) * 1.2)
+
+
+def test_a_smooth_field_beside_a_form_must_be_expected_to_gain_what_the_form_leaves(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    spot = Term(PiezoInhomogeneity(amplitude=0.1), ("amplitude",))
+    asked: list[float] = []
+    monkeypatch.setattr(trials, "of_frames", lambda solved: 0.0)
+    monkeypatch.setattr(
+        trials, "with_smooth_field", lambda problem, solved, number, partitions, least: asked.append(least)
+    )
+    form = trials.Trial(spot, 12.0, fit_of(spot, 12.0))
+    assert not list(trials._with_remainders(PROBLEM, [form], [], 60.0))
+    assert asked == [48.0]

@@ -33,6 +33,8 @@ def fields() -> tuple[VoltageProblem, CheckedFit, dict[str, Trial]]:
         begun = problem.solve([Term(kind(), ())], without.calibration, steps=0)
         solved = with_smooth_field(problem, begun, 0, PARTITIONS)
         assert solved is not None
+        # Nothing is fitted of a field of which more is asked than it is expected to gain.
+        assert with_smooth_field(problem, begun, 0, PARTITIONS, least=1e9) is None
         trials[kind.name] = Trial(solved.terms[0], GAIN, solved)
     # Neither is to spoil the few frames that are solved in full: what decides is what they foretell.
     return problem, replace(checked_fit(problem, without), misfit=1e6), trials
