@@ -171,10 +171,10 @@ class Protocol:
         more at every electrode, or at each (L,): where no electrode that carries current is read nothing else tells of
         contacts.
         """
-        told, per_ohm = self._passed
+        from_taken, per_ohm = self._passed
         flat = self.filled(voltage_v).reshape(*voltage_v.shape[:-2], -1)
         found, contacts = np.array(flat), np.broadcast_to(contact_ohm, self.electrodes)
-        found[..., ~self.taken.ravel()] = flat @ told + per_ohm @ contacts
+        found[..., ~self.taken.ravel()] = flat @ from_taken + per_ohm @ contacts
         return found.reshape(voltage_v.shape)
 
     @cached_property

@@ -106,7 +106,7 @@ RULES: dict[str, Rule] = {
         (f"{SEARCH}.selection._without_drifts",),
         lambda build, incumbent, fixed: (incumbent, fixed),
     ),
-    "beside_an_instrument": Rule(
+    "compatible_with_instrument": Rule(
         "beside an instrument's trial that doesn't hold nothing enters that gains less than half as much",
         (f"{SEARCH}.selection.instrument_worth_a_name",),
         lambda problem, current, asked: None,
@@ -128,7 +128,7 @@ RULES: dict[str, Rule] = {
     ),
     "by_place": Rule(
         "a field is told place by place where nothing else explains most of what is missing",
-        (f"{SEARCH}.selection.told_by_place", f"{SEARCH}.selection.with_fields_by_place"),
+        (f"{SEARCH}.selection.with_field_by_place", f"{SEARCH}.selection.with_fields_by_place"),
         _not_by_place,
     ),
     "fields_again": Rule(

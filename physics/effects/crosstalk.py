@@ -168,8 +168,8 @@ class Crosstalk(AcquisitionEffect):
         counted = float(weight.sum())
         earlier = tuple((weight[1:] / counted).tolist())
         shares = tuple(counted * share for share in self.shares)
-        told = replace(self, fraction=counted * self.fraction, shares=shares, lasting=0.0, earlier=earlier)
-        return Start(told, (*(key for key in free if key != "lasting"), *_each("earlier", earlier)))
+        form = replace(self, fraction=counted * self.fraction, shares=shares, lasting=0.0, earlier=earlier)
+        return Start(form, (*(key for key in free if key != "lasting"), *_each("earlier", earlier)))
 
 
 def _each(name: str, several: tuple[float, ...]) -> list[str]:

@@ -98,5 +98,5 @@ def _step(solved: Solved, model: LocalModel, numbers: Sequence[_Numbers]) -> Arr
 def _is_wild(term: _Numbers, step: Array, stopped: NDArray[np.bool_], curvature: Array) -> bool:
     """Whether a step (n,) says nothing of a term: it goes beyond its reach, or is ``stopped`` (n,) by a bound though it
     is known to no such reach by its ``curvature`` (n,)."""
-    untold = stopped[term.index] & (curvature[term.index] * term.reach**2 < 1)
-    return bool((untold | (np.abs(step[term.index]) > term.reach)).any())
+    undetermined = stopped[term.index] & (curvature[term.index] * term.reach**2 < 1)
+    return bool((undetermined | (np.abs(step[term.index]) > term.reach)).any())

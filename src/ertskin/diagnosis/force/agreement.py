@@ -62,7 +62,9 @@ def agreed(
         return baseline, selection
     others = [effect for effect in baseline.skin.effects if not isinstance(effect, FoamEffect)]
     skin = replace(baseline.skin, pad_n_per_m=again.pad_n_per_m, effects=(*again.foam, *joining, *others))
-    return replace(baseline, skin=skin), _beside(selection, SkinFamily(skin, resolution), (*again.foam, *joining))
+    return replace(baseline, skin=skin), _refitted_with(
+        selection, SkinFamily(skin, resolution), (*again.foam, *joining)
+    )
 
 
 def _likely(data: ForceData, best: ForceFit, name: str, evidence: Evidence) -> Effect | None:
@@ -106,7 +108,7 @@ def _beyond_networks(problem: VoltageProblem, solved: Solved) -> float:
     return 0.5 * float(np.square(residual).sum())
 
 
-def _beside(selection: Selection, family: SkinFamily, effects: Sequence[Effect]) -> Selection:
+def _refitted_with(selection: Selection, family: SkinFamily, effects: Sequence[Effect]) -> Selection:
     """The selection's terms fitted beside these ``effects`` of the force instead of those before."""
     after, problem = selection.after, replace(selection.problem, family=family)
     count = len(after.terms) - len(selection.chosen)

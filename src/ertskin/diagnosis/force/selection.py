@@ -18,14 +18,14 @@ ROUNDS = 8
 
 @dataclass(frozen=True, eq=False)
 class ForceSearch:
-    """Forces with the ``folds`` (T,) of frames they are foretold by, and what a name must gain in half chi-square."""
+    """Forces with the ``folds`` (T,) of frames they are predicted by, and what a name must gain in half chi-square."""
 
     data: ForceData
     folds: NDArray[np.intp]
     threshold: float
     second_share: float
 
-    def foretold(self, fit: ForceFit) -> float:
+    def predicted_misfit(self, fit: ForceFit) -> float:
         """Misfit of every fold predicted by a fit to the others, as ``ForceFit.misfit`` counts it."""
         total, used = -self.data.by_readings(fit.terms), self.data.used
         for fold in np.unique(self.folds):
@@ -55,13 +55,13 @@ def select_force_effects(
     search, history, used = ForceSearch(data, folds, threshold, second_share), data.history, data.used
     base = fit_force(data, ())
     best = fit_force(data, begun) if begun else base
-    score = search.foretold(best)
+    score = search.predicted_misfit(best)
     for _ in range(ROUNDS):
         changed, gain = _most(search, best, score)
         remainder, evidence = likeliest(history, used, history.force_n[used], best.residual[used])
         if best.remainder is None and evidence > max(gain, threshold):
             best = fit_force(data, best.terms, start=replace(best, remainder=remainder))
-            score = search.foretold(best)
+            score = search.predicted_misfit(best)
             continue
         if gain < threshold:
             break
@@ -80,7 +80,7 @@ def _most(search: ForceSearch, best: ForceFit, score: float) -> tuple[ForceFit, 
             fit = search.best_form(rest, name, best)
             # What fits no better foretells no better.
             if best.misfit - fit.misfit > search.threshold:
-                found.append((fit, score - search.foretold(fit)))
+                found.append((fit, score - search.predicted_misfit(fit)))
     return max(found, key=lambda pair: pair[1])
 
 
@@ -93,7 +93,7 @@ def _without_the_small(search: ForceSearch, best: ForceFit, score: float) -> For
     the load cell."""
     while best.terms:
         fits = [fit_force(search.data, rest, start=best) for rest in _each_without(best)]
-        losses = [search.foretold(fit) - score for fit in fits]
+        losses = [search.predicted_misfit(fit) - score for fit in fits]
         of_force = [loss - search.data.by_readings([term]) for loss, term in zip(losses, best.terms, strict=True)]
         k = int(np.argmin(losses))
         if not losses[k] < max(search.threshold, search.second_share * max(of_force)):

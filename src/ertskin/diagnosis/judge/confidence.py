@@ -63,10 +63,10 @@ def left_over(
         return explained(before, after if placed or presses_free is None else presses_free, criteria)
 
     def judged(claim: Claim) -> Claim:
-        foretelling, told = claim.confidence * share(claim), claim.confidence * _explained_by_place(claim, criteria)
-        if foretelling**MAP_POWER < min(RATHER, told):
-            return replace(claim, confidence=told, by_place=True)
-        return replace(claim, confidence=foretelling)
+        predicting, by_place = claim.confidence * share(claim), claim.confidence * _explained_by_place(claim, criteria)
+        if predicting**MAP_POWER < min(RATHER, by_place):
+            return replace(claim, confidence=by_place, by_place=True)
+        return replace(claim, confidence=predicting)
 
     return [judged(claim) for claim in claims]
 

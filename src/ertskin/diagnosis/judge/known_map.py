@@ -14,9 +14,9 @@ from ertskin.diagnosis.judge.map_probability import (
     FieldPosterior,
     Places,
     errors_among,
+    posteriors_from,
     right_among,
     tell,
-    told_by,
 )
 from ertskin.diagnosis.judge.undetermined_field import MOST_LEFT, known_at
 from ertskin.diagnosis.search.chosen import Selection
@@ -90,7 +90,7 @@ class SmoothPart:
         taxels = None if field.taxels is None else self.known(field.taxels)
         form = field.value - field_at(self.nodes, field.point_m, self.extent_m)
         side_m = float(np.ptp(self.extent_m, axis=0).max())
-        posteriors = [replace(one, mean=form + one.mean) for one in told_by(self.places, field.point_m, side_m)]
+        posteriors = [replace(one, mean=form + one.mean) for one in posteriors_from(self.places, field.point_m, side_m)]
         error = errors_among(field.value, posteriors)
         determined = error < MOST_LEFT * float(np.std(self.places.value))
         found = replace(field, error=error, determined=determined, taxels=taxels)
@@ -104,7 +104,7 @@ def where_pressed(field: FieldMap, places: Places, side_m: float) -> FieldMap:
     apart_m = np.linalg.norm(field.point_m[:, None] - places.point_m, axis=-1).min(axis=1)
     determined = apart_m <= NEXT_TO_M
     found = replace(field, error=None, determined=determined, taxels=taxels)
-    return found if taxels is not None else _judged(found, told_by(places, field.point_m, side_m))
+    return found if taxels is not None else _judged(found, posteriors_from(places, field.point_m, side_m))
 
 
 def _judged(field: FieldMap, posteriors: Sequence[FieldPosterior]) -> FieldMap:

@@ -76,7 +76,7 @@ def right_among(found: Array, posteriors: Sequence[FieldPosterior], determined: 
     return Right(_right(found[determined], [one.at(determined) for one in posteriors]), everywhere)
 
 
-def told_by(places: Places, point_m: Array, side_m: float) -> list[FieldPosterior]:
+def posteriors_from(places: Places, point_m: Array, side_m: float) -> list[FieldPosterior]:
     """What values at places alone tell of a field at points (n,2); nothing where they are too few, or all the same.
 
     From them a Gaussian process tells the rest, Matern's of order 3/2 with a mean of its own (universal kriging). Its

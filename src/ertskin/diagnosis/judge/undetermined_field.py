@@ -92,5 +92,5 @@ def _covariances(solved: Solved, extent_m: Array, inflation: float = 1.0) -> Ite
 def _inflated(known: Array, inflation: float) -> Array:
     """The covariance (K,K) of modes, each of unit variance beforehand, where readings tell so many times less."""
     size, vector = np.linalg.eigh(known)
-    told = 1 / np.clip(size, TINY, 1.0) - 1
-    return np.asarray((vector / (told / inflation + 1)) @ vector.T)
+    information = 1 / np.clip(size, TINY, 1.0) - 1
+    return np.asarray((vector / (information / inflation + 1)) @ vector.T)

@@ -196,8 +196,10 @@ def _fields(findings: Findings) -> Figure:
         if field.determined is not None:
             percent[row[~field.determined], column[~field.determined]] = np.nan
         taxels = field.taxels
-        told = np.zeros(0) if taxels is None or taxels.determined is None else taxels.value[taxels.determined]
-        most = max(float(np.nanmax(np.abs(percent), initial=0.0)), float(np.abs(100 * np.expm1(told)).max(initial=0.0)))
+        known = np.zeros(0) if taxels is None or taxels.determined is None else taxels.value[taxels.determined]
+        most = max(
+            float(np.nanmax(np.abs(percent), initial=0.0)), float(np.abs(100 * np.expm1(known)).max(initial=0.0))
+        )
         top = max(most, 1e-3)
         image = axis.pcolormesh(1e3 * x_m, 1e3 * y_m, percent, vmin=-top, vmax=top, cmap="RdBu_r", shading="nearest")
         _taxels(axis, taxels, top)
@@ -210,12 +212,12 @@ def _taxels(axis: Axes, field: FieldMap | None, top: float) -> None:
     """Sensing points in the map's colours, up to ``top`` percent; crosses where nothing has told of them."""
     if field is None or field.determined is None:
         return
-    told, (x_mm, y_mm) = field.determined, 1e3 * field.point_m.T
-    percent = 100 * np.expm1(field.value[told])
+    known, (x_mm, y_mm) = field.determined, 1e3 * field.point_m.T
+    percent = 100 * np.expm1(field.value[known])
     edge: dict[str, Any] = {"edgecolors": "0.3", "linewidths": 0.6, "s": 40}
-    axis.scatter(x_mm[told], y_mm[told], c=percent, vmin=-top, vmax=top, cmap="RdBu_r", **edge)
-    if not told.all():
-        axis.scatter(x_mm[~told], y_mm[~told], c="0.6", marker="x", s=14, linewidths=0.8, label="not known")
+    axis.scatter(x_mm[known], y_mm[known], c=percent, vmin=-top, vmax=top, cmap="RdBu_r", **edge)
+    if not known.all():
+        axis.scatter(x_mm[~known], y_mm[~known], c="0.6", marker="x", s=14, linewidths=0.8, label="not known")
         axis.legend(loc="upper right", bbox_to_anchor=(1.0, 1.09), frameon=False, fontsize="small")
 
 

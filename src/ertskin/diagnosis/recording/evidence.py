@@ -210,7 +210,7 @@ def _what_is_lost(protocol: Protocol, resting_v: Array) -> str:
     worst = int(lost.sum(axis=(0, 1)).argmax())
     return (
         f"the {lost.mean():.0%} of the readings at rest that are missing, repeated or at the converter's limit"
-        f" leave pair resistances untold; most of them are channel {worst}'s"
+        f" leave pair resistances undetermined; most of them are channel {worst}'s"
     )
 
 
@@ -359,10 +359,10 @@ def _twins_restored(
     twin = present & (np.abs(freedom - TWIN) < 1e-6)
     filled = np.where((spike & ~twin) | ~present, fitted, voltage)
     scan = filled.reshape(len(filled), -1) @ protocol.orthonormal
-    told = (scan @ protocol.orthonormal.T).reshape(voltage.shape)
-    usual, level = np.median(filled - told, axis=0), np.median(told, axis=0)
-    change = filled - told - usual
-    grown = usual * (told / np.where(level == 0, np.inf, level) - (level != 0))
+    projected = (scan @ protocol.orthonormal.T).reshape(voltage.shape)
+    usual, level = np.median(filled - projected, axis=0), np.median(projected, axis=0)
+    change = filled - projected - usual
+    grown = usual * (projected / np.where(level == 0, np.inf, level) - (level != 0))
     scatter = np.maximum(robust_std(change, axis=0), robust_std(change[present & ~spike]))
     odd = np.minimum(np.abs(change), np.abs(change - grown)) > SPIKE * scatter
     kept = spike & ~(twin & ~odd)

@@ -104,10 +104,10 @@ def _warmth(
     settling = _settling(change, evidence, good, columns, traces)
     if warmth.name is not None and warmth.uneven >= settling.explained:
         return warmth, NONE_SETTLES
-    beside = RestWarmth.none_in(change)
+    warmth = RestWarmth.none_in(change)
     if settling.size:
-        beside = warmth_at_rest(skin, evidence, good, change - settling.done(columns), columns[:, -1])
-    return beside._replace(change_v=beside.whole_v), settling if beside.name is not None else NONE_SETTLES
+        warmth = warmth_at_rest(skin, evidence, good, change - settling.done(columns), columns[:, -1])
+    return warmth._replace(change_v=warmth.whole_v), settling if warmth.name is not None else NONE_SETTLES
 
 
 def _settling(change: Array, evidence: Evidence, good: NDArray[np.bool_], columns: Array, traces: Array) -> Settling:

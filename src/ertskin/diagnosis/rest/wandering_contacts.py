@@ -219,8 +219,8 @@ def wanders(path: Array, error: Array, criteria: Criteria) -> bool:
     white noise comes once in fifty if that is less. Frames that hardly tell the contact are left out: next to a place
     not yet recovered its path goes anywhere.
     """
-    told = error <= HARDLY * np.quantile(error, 0.25)
-    path, error, count = path[told], error[told], int(told.sum())
+    accurate = error <= HARDLY * np.quantile(error, 0.25)
+    path, error, count = path[accurate], error[accurate], int(accurate.sum())
     if count < FEWEST:
         return False
     rarely = 1 - criteria.clear_errors * np.sqrt((count - 2) / (count**2 - 1))

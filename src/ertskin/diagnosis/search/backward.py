@@ -11,7 +11,7 @@ from ertskin.diagnosis.fit.full_solution_check import CheckedFit, Problem
 from ertskin.diagnosis.fit.joint_fit import VoltageProblem
 from ertskin.diagnosis.fit.solved import Solved
 from ertskin.diagnosis.fit.terms import Term
-from ertskin.diagnosis.search.behind_fields import loss_beside_fields
+from ertskin.diagnosis.search.behind_fields import loss_with_fields
 from ertskin.diagnosis.search.chosen import Chosen, Rivals, carried, key_of
 from ertskin.diagnosis.search.forms import freer
 from ertskin.diagnosis.search.gain import gained
@@ -42,7 +42,7 @@ def backward(
             carried(stand, [t for i, t in enumerate(current.terms) if i != k], without.terms)
             loss = gained(without, current, partitions, problem.evidence.criteria)
             if not is_worth_a_name(problem, current, term, loss):
-                loss = max(loss, loss_beside_fields(problem, current, without, k))
+                loss = max(loss, loss_with_fields(problem, current, without, k))
             if not is_worth_a_name(problem, current, term, loss) and (dropped is None or loss < dropped[0]):
                 dropped = (loss, without)
             # The instrument's terms gain in every reading, the others in the pairs.
@@ -108,6 +108,6 @@ def with_fields_by_place(
         missed = part_missed(incumbent, fit[0], partitions)
         if missed < (1.0 if fit[1].spoils(incumbent) else 1 - incumbent.problem.evidence.criteria.most_share):
             continue
-        told = replace(found[number], term=fit[1].solved.terms[-1])
-        return (*found[:number], *found[number + 1 :], told), fit[1]
+        by_place = replace(found[number], term=fit[1].solved.terms[-1])
+        return (*found[:number], *found[number + 1 :], by_place), fit[1]
     return tuple(found), incumbent

@@ -64,7 +64,7 @@ def spare_evidence(problem: VoltageProblem, solved: Solved) -> float:
     return min(spare, freedom(current))
 
 
-def loss_beside_fields(problem: VoltageProblem, solved: Solved, without: Solved, number: int) -> float:
+def loss_with_fields(problem: VoltageProblem, solved: Solved, without: Solved, number: int) -> float:
     """Half chi-square that a term of few numbers is worth beside smooth fields that may stand in for it: what it
     explains with all others as they are; minus infinity where there are none, or where the fit ``without`` it isn't
     significantly less likely.

@@ -39,24 +39,24 @@ def changed_by_paths(problem: VoltageProblem, solved: Solved) -> list[tuple[Effe
     others = [(*effects[:number], *effects[number + 1 :]) for number in paths]
     if not paths:
         return []
-    beside, *without = (problem.scan_residual(problem.family.skin(solved.calibration, e)) for e in (effects, *others))
-    return [(effects[number], one - beside) for number, one in zip(paths, without, strict=True)]
+    with_all, *without = (problem.scan_residual(problem.family.skin(solved.calibration, e)) for e in (effects, *others))
+    return [(effects[number], one - with_all) for number, one in zip(paths, without, strict=True)]
 
 
-def as_good_at_rest(without: CheckedFit, beside: CheckedFit) -> bool:
-    """Whether what changes between rest frames is explained ``without`` paths of contacts as well as ``beside`` them.
+def as_good_at_rest(without: CheckedFit, with_paths: CheckedFit) -> bool:
+    """Whether what changes between rest frames is explained ``without`` paths of contacts as well as ``with_paths``.
 
     Not where materially more is left then, nor where most of what the paths do there, and significantly much beyond
     chance, isn't done by anything else: a contact that settles may be sure and change hardly anything.
     """
-    criteria = beside.problem.evidence.criteria
-    left, kept = (_at_rest(fit, fit.solved.scan_residual) for fit in (without, beside))
+    criteria = with_paths.problem.evidence.criteria
+    left, kept = (_at_rest(fit, fit.solved.scan_residual) for fit in (without, with_paths))
     rise, noise = float((left**2).sum() - (kept**2).sum()), max(1.0, float((kept**2).mean())) if kept.size else 1.0
     if rise > (criteria.chance_ratio**2 - 1) * float((kept**2).sum()):
         return False
     if rise < 2 * criteria.significant_gain * noise:
         return True
-    return rise < criteria.most_share * _done_at_rest(beside)
+    return rise < criteria.most_share * _done_at_rest(with_paths)
 
 
 def _done_at_rest(fit: CheckedFit) -> float:

@@ -21,12 +21,12 @@ def gained(without: Solved, present: Solved, partitions: Sequence[Sequence[int]]
     too free a form. Cells can't foretell a field told place by place, which gains its evidence.
     """
     fitted_gain = np.array([_cost(without, out) - _cost(present, out) for out in partitions])
-    foretold = held_out(without, partitions) - held_out(present, partitions)
-    gain = float(np.clip(foretold, -np.abs(fitted_gain), np.abs(fitted_gain)).clip(max=fitted_gain).sum())
+    predicted = held_out(without, partitions) - held_out(present, partitions)
+    gain = float(np.clip(predicted, -np.abs(fitted_gain), np.abs(fitted_gain)).clip(max=fitted_gain).sum())
     before, after = (float(solved.fit.quadratic.cost[:-1].sum()) for solved in (without, present))
     evidence = before - after - freedom(present) + freedom(without)
-    unforetold = _by_place(present) > _by_place(without)
-    return evidence if unforetold or after < (1 - criteria.most_share) * before else min(gain, evidence)
+    unpredicted = _by_place(present) > _by_place(without)
+    return evidence if unpredicted or after < (1 - criteria.most_share) * before else min(gain, evidence)
 
 
 def _by_place(solved: Solved) -> int:

@@ -42,7 +42,7 @@ LEAST_SPREAD = 0.01
 the rim is a thousandth of the signal."""
 
 
-def told_by_place(build: Problem, incumbent: CheckedFit) -> tuple[CheckedFit, float] | None:
+def with_field_by_place(build: Problem, incumbent: CheckedFit) -> tuple[CheckedFit, float] | None:
     """The fit with a field that only presses show told place by place, and the half chi-square that gains.
 
     None where little is missing or a field is in the fit, where it explains less than half, or where the places hardly

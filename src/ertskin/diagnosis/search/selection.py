@@ -25,11 +25,11 @@ from ertskin.diagnosis.search.entering import first_to_hold, likely, of_few_numb
 from ertskin.diagnosis.search.exchange import exchanged, gain_of_exchange
 from ertskin.diagnosis.search.form_error import form_error
 from ertskin.diagnosis.search.other_forms import OtherForm, may_be_likelier, other_forms
-from ertskin.diagnosis.search.pressed_places import told_by_place
+from ertskin.diagnosis.search.pressed_places import with_field_by_place
 from ertskin.diagnosis.search.settling import Freeing, freed_forms, refined, spread, where_it_settles
 from ertskin.diagnosis.search.trials import (
     Trial,
-    beside_an_instrument,
+    compatible_with_instrument,
     instrument_worth_a_name,
     rms_of,
     trials_of,
@@ -103,7 +103,7 @@ def selected_again(
     # What forms they take has been chosen on presses enough to tell.
     incumbent = refined(build, incumbent, partitions, spread)
     if len(kept) < len(found.terms):
-        incumbent = search.told_by_place(incumbent, spread) or incumbent
+        incumbent = search.with_field_by_place(incumbent, spread) or incumbent
     return search.completed(before, *search.pruned(incumbent), selection.specimen)
 
 
@@ -226,7 +226,7 @@ class _Search:
         if entered is None:
             instrument = instrument_worth_a_name(problem, current, trials)
             least = 0.0 if instrument is None else problem.evidence.criteria.most_share * instrument.gain
-            return self._in_anothers_place(incumbent, trials) or self.told_by_place(incumbent, least=least)
+            return self._in_anothers_place(incumbent, trials) or self.with_field_by_place(incumbent, least=least)
         trial, proposed = entered
         rivals = self.stand[key_of(trial.term)] = short_of(trial, last)
         self.forms += other_forms(trial, last, rivals, self.fixed)
@@ -250,7 +250,7 @@ class _Search:
             if named and not _holds_likely(fitted, wanted, incumbent.problem.evidence.criteria):
                 break
             instrument = instrument_worth_a_name(incumbent.problem, incumbent.solved, trials)
-            allowed = beside_an_instrument(incumbent.problem, named, instrument)
+            allowed = compatible_with_instrument(incumbent.problem, named, instrument)
             entered = first_to_hold(self.build, incumbent, allowed, self.partitions)
             if entered is not None:
                 return trials, fitted, entered
@@ -270,12 +270,12 @@ class _Search:
         self.stand[key_of(entered)] = (Rival(left.effect, gain),)
         return _reconsidered(self.build, proposed)
 
-    def told_by_place(
+    def with_field_by_place(
         self, incumbent: CheckedFit, free: Freeing = freed_forms, least: float = 0.0
     ) -> CheckedFit | None:
         """With a field told place by place, where nothing else explains most of what is missing and that gains the
         ``least`` at least."""
-        found = told_by_place(self.build, incumbent)
+        found = with_field_by_place(self.build, incumbent)
         if found is None or found[1] < least:
             return None
         proposed, gain = found

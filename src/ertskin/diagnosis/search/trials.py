@@ -122,7 +122,9 @@ def instrument_worth_a_name(problem: VoltageProblem, current: Solved, asked: Seq
     return max(worth, key=lambda trial: trial.gain, default=None)
 
 
-def beside_an_instrument(problem: VoltageProblem, trials: Sequence[Trial], instrument: Trial | None) -> list[Trial]:
+def compatible_with_instrument(
+    problem: VoltageProblem, trials: Sequence[Trial], instrument: Trial | None
+) -> list[Trial]:
     """The trials without those of other names that gain less than half of what one of the instrument does, unless rest
     frames show them.
 

@@ -15,8 +15,8 @@ from ertskin.diagnosis.judge.map_probability import (
     Places,
     errors_among,
     kriged,
+    posteriors_from,
     right_among,
-    told_by,
 )
 from ertskin.diagnosis.judge.undetermined_field import _inflated
 from ertskin.diagnosis.search.smooth_fields import LENGTHS
@@ -68,7 +68,7 @@ def drawn(length_m: float, count: int, seed: int = 0) -> NDArray[np.float64]:
 def told(found: NDArray[np.float64], field: NDArray[np.float64], known: NDArray[np.bool_], error: float = 0.0) -> float:
     """The probability of a map where a field is known at some of the points."""
     places = Places(POINT_M[known], field[known], np.full(known.sum(), error))
-    right = right_among(found, told_by(places, POINT_M, SIDE_M), known).everywhere
+    right = right_among(found, posteriors_from(places, POINT_M, SIDE_M), known).everywhere
     assert right is not None
     return right
 
@@ -117,7 +117,7 @@ def test_few_places_say_how_much_they_leave_open(count: int) -> None:
     for length_m in SIDE_M * np.array(LENGTHS):
         for field in drawn(length_m, 12, seed=6):
             known = np.isin(np.arange(36), rng.permutation(36)[:count])
-            posteriors = told_by(Places(POINT_M[known], field[known], np.zeros(count)), POINT_M, SIDE_M)
+            posteriors = posteriors_from(Places(POINT_M[known], field[known], np.zeros(count)), POINT_M, SIDE_M)
             weight = np.exp([one.log_weight for one in posteriors])
             found = np.tensordot(weight / weight.sum(), [one.mean for one in posteriors], 1)
             off.append(np.abs((found - field) / errors_among(found, posteriors))[~known])
@@ -130,13 +130,13 @@ def test_few_places_say_how_much_they_leave_open(count: int) -> None:
 def test_places_that_err_tell_no_more_than_they_know() -> None:
     field, known = drawn(0.1 * SIDE_M, 1)[0], np.arange(36) % 3 == 0
     # What was read by chance says how far the field spreads: less and less, the more it errs by.
-    posteriors = told_by(Places(POINT_M[known], field[known], np.full(12, 10 * field.std())), POINT_M, SIDE_M)
+    posteriors = posteriors_from(Places(POINT_M[known], field[known], np.full(12, 10 * field.std())), POINT_M, SIDE_M)
     assert errors_among(field, posteriors)[known].min() > 1.5 * field.std()
 
 
 def test_of_too_few_points_nothing_is_said() -> None:
     assert right_as_fitted(FIELD[:2], np.eye(2)) is None
-    posteriors = told_by(Places(POINT_M, FIELD[:36], np.zeros(36)), POINT_M[:2], SIDE_M)
+    posteriors = posteriors_from(Places(POINT_M, FIELD[:36], np.zeros(36)), POINT_M[:2], SIDE_M)
     assert right_among(FIELD[:2], posteriors, np.ones(2, bool)).determined is None
 
 
@@ -172,7 +172,7 @@ def test_places_that_err_say_no_more_often_than_they_should_that_a_map_is_right_
                 POINT_M[known], field[known] + error * rng.standard_normal(known.sum()), np.full(known.sum(), error)
             )
             found = places.value[cdist(POINT_M, places.point_m).argmin(axis=1)]
-            stated.append(right_among(found, told_by(places, POINT_M, SIDE_M), known).determined)
+            stated.append(right_among(found, posteriors_from(places, POINT_M, SIDE_M), known).determined)
             true_kind = kriged(POINT_M, places, 0.1 * SIDE_M, 1.0)
             as_it_is.append(right_among(found, [true_kind], known).determined)
             right.append(np.corrcoef(found[known], field[known])[0, 1] >= FOLLOWS)

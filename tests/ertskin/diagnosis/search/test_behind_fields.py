@@ -15,7 +15,7 @@ from ertskin.diagnosis.fit.joint_fit import VoltageProblem
 from ertskin.diagnosis.fit.solved import Solved
 from ertskin.diagnosis.fit.terms import Term
 from ertskin.diagnosis.search import behind_fields
-from ertskin.diagnosis.search.behind_fields import behind_field, loss_beside_fields, smooth_fields_of, spare_evidence
+from ertskin.diagnosis.search.behind_fields import behind_field, loss_with_fields, smooth_fields_of, spare_evidence
 from ertskin.diagnosis.search.candidates import Direction
 from ertskin.diagnosis.search.smooth_fields import (
     SPREADS,
@@ -119,7 +119,7 @@ def test_beside_a_field_a_term_is_worth_what_it_explains() -> None:
     problem, field = evened(STRETCH)
     both = problem.solve([Term(STRETCH, ("stretch_x",)), *field.terms], START)
     without = problem.solve(field.terms, both.calibration)
-    worth = loss_beside_fields(problem, both, without, 0)
+    worth = loss_with_fields(problem, both, without, 0)
     assert worth > 10 * max(without.cost - both.cost, 0.0)
     assert worth == both.rise_without(0, others_stay=True) > both.rise_without(0)
 
@@ -127,6 +127,6 @@ def test_beside_a_field_a_term_is_worth_what_it_explains() -> None:
 def test_a_term_that_makes_nothing_likelier_and_one_beside_no_field_are_worth_nothing_more() -> None:
     problem, field = evened(SLOPE)
     both = problem.solve([Term(replace(STRETCH, stretch_x=1e-4), ("stretch_x",)), *field.terms], START)
-    assert loss_beside_fields(problem, both, field, 0) == -np.inf
+    assert loss_with_fields(problem, both, field, 0) == -np.inf
     alone = problem.solve(both.terms[:1], START)
-    assert loss_beside_fields(problem, alone, alone, 0) == -np.inf
+    assert loss_with_fields(problem, alone, alone, 0) == -np.inf

@@ -18,7 +18,7 @@ from ertskin.diagnosis.search.pressed_places import (
     modes_at,
     part_missed,
     pressed_places_m,
-    told_by_place,
+    with_field_by_place,
 )
 from ertskin.diagnosis.search.smooth_fields import covariance_half, node_shape
 from ertskin.diagnosis.search.trials import rms_of
@@ -47,7 +47,7 @@ def lots() -> PiezoInhomogeneity:
 def told(*hidden: Effect) -> tuple[VoltageProblem, CheckedFit, tuple[CheckedFit, float] | None]:
     problem = recorded(*hidden)
     incumbent = checked_fit(problem, problem.solve([], START))
-    return problem, incumbent, told_by_place(lambda solved: problem, incumbent)
+    return problem, incumbent, with_field_by_place(lambda solved: problem, incumbent)
 
 
 def test_lots_are_told_where_they_were_pressed() -> None:
@@ -71,7 +71,7 @@ def test_what_does_not_differ_from_place_to_place_is_not_told_by_them(hidden: tu
 def test_a_field_told_by_place_is_not_told_again() -> None:
     problem, _, found = told(lots())
     assert found is not None
-    assert told_by_place(lambda solved: problem, found[0]) is None
+    assert with_field_by_place(lambda solved: problem, found[0]) is None
 
 
 def test_of_what_is_named_a_field_alone_is_told_by_place_as_well() -> None:

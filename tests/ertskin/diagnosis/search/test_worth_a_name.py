@@ -14,7 +14,7 @@ from ertskin.diagnosis.fit.terms import Term
 from ertskin.diagnosis.search.trials import (
     FIRST_SHARE,
     Trial,
-    beside_an_instrument,
+    compatible_with_instrument,
     instrument_worth_a_name,
     is_worth_a_name,
     material_cost,
@@ -142,7 +142,7 @@ def test_what_gains_a_part_of_an_instruments_gain_mends_its_form(share: float, n
     instrument = instrument_worth_a_name(asked, fit(), found)
     assert instrument is found[0]
     # Its own other form may hold; rest frames show the drift.
-    assert beside_an_instrument(asked, found, instrument) == [t for t in found if named or t.term is not other]
+    assert compatible_with_instrument(asked, found, instrument) == [t for t in found if named or t.term is not other]
 
 
 def test_without_an_instrument_all_may_be_named() -> None:
@@ -152,4 +152,4 @@ def test_without_an_instrument_all_may_be_named() -> None:
         found = [trial(term, gain), trial(STRETCH, 0.1 * gain)]
         instrument = instrument_worth_a_name(asked, current, found)
         assert instrument is None
-        assert beside_an_instrument(asked, found, instrument) == found
+        assert compatible_with_instrument(asked, found, instrument) == found
