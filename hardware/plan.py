@@ -16,6 +16,11 @@ WEIGHT_N = 0.5 * 9.80665
 """The paper's two-point test: weights of 500 g, placed by hand (IV-D)."""
 
 
+PAIRS = (
+    *((0, 35), (7, 28), (2, 14), (5, 30), (8, 22), (13, 16), (1, 33)),
+    *((19, 23), (10, 25), (4, 26), (12, 17), (20, 32), (6, 11), (3, 27)),
+)
+"""Pairs of the paper's 36 taxels for its two-point test, as many as it has (IV-D); which ones it had is assumed."""
 PERIOD_S = 0.5
 """The paper's 2 Hz."""
 FINEST_STEP_M = 1e-4
@@ -140,10 +145,28 @@ def one_point_test(taxel_m: Array, depths: int = 8, first_m: float = 3.5e-4, ste
     return Plan("one_point_test", tuple(Press(((float(x), float(y)),), steps) for x, y in taxel_m))
 
 
+def pairs_of(taxels: int) -> tuple[tuple[int, int], ...]:
+    """Pairs of so many taxels, as many as the paper's at most: its own of 36, of others drawn, none twice in a pair.
+
+    Raises ``PlanError`` where there is no pair.
+    """
+    if taxels < 2:
+        raise PlanError(f"two points need two taxels, the sensor has {taxels}")
+    if taxels == 36:
+        return PAIRS
+    drawn = np.random.default_rng(0).permutation(taxels).tolist()
+    return tuple(zip(drawn[::2], drawn[1::2], strict=False))[: len(PAIRS)]
+
+
 def two_point_test(taxel_m: Array, pairs: Sequence[tuple[int, int]], weight_n: float = WEIGHT_N) -> Plan:
-    """The paper's two-point test (IV-D): pairs of taxels under weights placed by hand; rest at its ends only."""
+    """The paper's two-point test (IV-D): pairs of taxels under weights placed by hand; rest at its ends only.
+
+    Raises ``PlanError`` for a pair of taxels that aren't there.
+    """
     presses = []
     for number, pair in enumerate(pairs):
+        if not all(0 <= k < len(taxel_m) for k in pair):
+            raise PlanError(f"pair {list(pair)}: the sensor has taxels 0 to {len(taxel_m) - 1}")
         places = tuple((float(taxel_m[k, 0]), float(taxel_m[k, 1])) for k in pair)
         steps = (Step(Phase.HOLD, None, 1, 10.0),)
         presses.append(Press(places, steps, rest_frames=1 if number == 0 else 0, weight_n=weight_n))

@@ -27,7 +27,11 @@ def groups(verb: str) -> dict[str, str | None]:
     found: dict[str, str | None] = {}
     for entry in _loaded(config_dir() / f"{verb}.yaml").get("defaults", []):
         for group, default in entry.items() if isinstance(entry, dict) else ():
-            name = str(group).removeprefix("override ").lstrip("/").split("@")[0].removeprefix("optional ")
+            name, _, package = str(group).removeprefix("override ").lstrip("/").partition("@")
+            name = name.removeprefix("optional ")
+            # Another use of a group than the one that bears its name.
+            if package and name in found:
+                continue
             if choices(name):
                 found[name] = None if default is None else str(default)
     return found

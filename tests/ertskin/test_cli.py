@@ -38,6 +38,12 @@ def test_the_help_of_a_command_shows_its_groups_and_settings(capsys):
     assert "seed: 0" in shown
 
 
+def test_a_group_used_twice_shows_the_default_of_the_one_that_bears_its_name(capsys):
+    assert cli.main(["evaluate", "--help"]) == 0
+    shown = " ".join(capsys.readouterr().out.split())
+    assert "data=anywhere|many|paper|smoke (default paper)" in shown
+
+
 def test_help_needs_none_of_the_heavy_packages():
     code = "import sys; from ertskin import cli; cli.main(['train', '--help']); print(*sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

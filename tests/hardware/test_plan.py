@@ -12,6 +12,7 @@ from ertskin.hardware.plan import (
     PlanError,
     Press,
     one_point_test,
+    pairs_of,
     plan_from_presses,
     plan_of,
     ramp,
@@ -50,6 +51,20 @@ def test_test_plans_press_elsewhere() -> None:
     two = two_point_test(TAXELS, [(0, 35), (7, 28)])
     assert two.contacts == 2
     assert two.presses[0].weight_n == pytest.approx(4.903, abs=1e-3)
+
+
+def test_skins_of_other_sizes_have_pairs_of_their_own() -> None:
+    assert len(pairs_of(36)) == 14
+    assert pairs_of(36)[0] == (0, 35)
+    for taxels, count in ((2, 1), (9, 4), (16, 8), (100, 14)):
+        pairs = pairs_of(taxels)
+        assert len(pairs) == count
+        assert len({k for pair in pairs for k in pair}) == 2 * count
+        assert two_point_test(TAXELS[:1].repeat(taxels, axis=0), pairs).contacts == 2
+    with pytest.raises(PlanError, match="need two taxels, the sensor has 1"):
+        pairs_of(1)
+    with pytest.raises(PlanError, match=r"pair \[0, 35\]: the sensor has taxels 0 to 15"):
+        two_point_test(TAXELS[:16], [(0, 35)])
 
 
 def test_a_plan_survives_builtin_types() -> None:

@@ -67,10 +67,14 @@ class NextPresses:
         return self._plan(choice.place_m, so_far)
 
     def _plan(self, place_m: tuple[float, float], so_far: Recording | None) -> Plan:
-        made = None if so_far is None or so_far.frames is None else made_presses(so_far.frames)
-        # What was at rest after the last press is at rest before this one.
-        first = 0 if made is None or not len(made) else int(made[-1]) + 1
-        return Plan("next", (Press((place_m,), ramp(**self.ramp)),), first=first)
+        return Plan("next", (Press((place_m,), ramp(**self.ramp)),), first=first_after(so_far))
+
+
+def first_after(recording: Recording | None) -> int:
+    """The number of a press after those of the recording."""
+    made = None if recording is None or recording.frames is None else made_presses(recording.frames)
+    # What was at rest after the last press is at rest before this one.
+    return 0 if made is None or not len(made) else int(made[-1]) + 1
 
 
 def presses_made(recording: Recording | None) -> int:

@@ -14,6 +14,7 @@ from ertskin.hardware.plan import (
     PlanError,
     anywhere_test,
     one_point_test,
+    pairs_of,
     plan_from_presses,
     plan_of,
     repeated,
@@ -25,7 +26,9 @@ from ertskin.physics.sensor import Sensor
 KINDS: Mapping[str, Callable[[Mapping[str, Any], Sensor], Plan]] = {
     "taxels": lambda fields, sensor: taxel_plan(sensor.taxel_m, **fields.get("ramp", {})),
     "one_point_test": lambda fields, sensor: one_point_test(sensor.taxel_m, **fields.get("depths", {})),
-    "two_point_test": lambda fields, sensor: two_point_test(sensor.taxel_m, fields["pairs"], fields["weight_n"]),
+    "two_point_test": lambda fields, sensor: two_point_test(
+        sensor.taxel_m, fields["pairs"] or pairs_of(len(sensor.taxel_m)), fields["weight_n"]
+    ),
     "anywhere_test": lambda fields, sensor: anywhere_test(
         sensor.extent_m, **{key: value for key, value in fields.items() if key not in ("kind", "repeats")}
     ),
@@ -33,6 +36,11 @@ KINDS: Mapping[str, Callable[[Mapping[str, Any], Sensor], Plan]] = {
     "listed": lambda fields, _sensor: plan_of(fields),
 }
 """Makers of plans, by the ``kind`` of a plan's configuration."""
+
+
+def asked_by_diagnosis(fields: Mapping[str, Any]) -> bool:
+    """Whether a configuration's ``plan`` is the press that a ``diagnosis.json`` asks for."""
+    return fields.get("kind") == "file" and Path(str(fields.get("path"))).suffix == ".json"
 
 
 def chosen_plan(fields: Mapping[str, Any], sensor: Sensor) -> Plan:

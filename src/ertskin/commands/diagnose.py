@@ -88,7 +88,7 @@ class Diagnoses:
         joint = write_joint_calibration(self.calibrations, source, findings)
         written += [] if joint is None else [joint]
         drawn = write_figures(out, findings)
-        commands = next_commands(source, name, bool(effects))
+        commands = next_commands(source, name, out, findings.diagnosis)
         about = {
             "recording_sha256": file_sha256(source),
             "criteria": asdict(self.criteria),
@@ -100,14 +100,18 @@ class Diagnoses:
         return diagnosis, written
 
 
-def next_commands(source: Path, name: str, named: bool) -> tuple[str, ...]:
-    """What a person would type next: train with the effects named, or see what the recording allows."""
-    if not named:
-        return (f"ertskin doctor recording={source}", f"ertskin train recording={source} model=reciprocal")
+def next_commands(source: Path, name: str, out: Path, diagnosis: Diagnosis) -> tuple[str, ...]:
+    """What a person would type next: train with the effects named, or see what the recording allows, and record the
+    press that would settle what is in doubt."""
+    press = f"ertskin record rig=NAME sensor=NAME plan={out / 'diagnosis.json'} recording={source}"
+    settling = () if diagnosis.next_press is None else (press,)
+    if not diagnosis.effects:
+        return (f"ertskin doctor recording={source}", f"ertskin train recording={source} model=reciprocal", *settling)
     return (
         f"ertskin train recording={source} model=reciprocal effects={name}",
         f"ertskin evaluate recording={source} effects={name} one=TEST.h5",
         f"ertskin diagnose recording={source} retrain=true one=TEST.h5",
+        *settling,
     )
 
 

@@ -2,9 +2,10 @@
 
 Presses the plan's places while force and scans are kept frame by frame. Stopped or killed, the same command goes on
 with the press that was cut off, whole, and keeps its half beside the recording; ``dry_run=true`` prints the plan and
-how long it takes. ``plan=PATH`` takes the plan from a YAML file, or the presses a diagnosis asks for from its
-``diagnosis.json``. ``plan=next`` presses where that tells most about the skin, one press after another, until the
-accuracy stated is to be expected; it goes on with a recording that is there already.
+how long it takes. ``plan=PATH`` takes the plan from a YAML file, or the press a diagnosis asks for from its
+``diagnosis.json``, which is added to the recording if that is there. ``plan=next`` presses where that tells most about
+the skin, one press after another, until the accuracy stated is to be expected; it goes on with a recording that is
+there already.
 """
 
 from __future__ import annotations
@@ -51,8 +52,9 @@ def run(config: DictConfig) -> None:
     from omegaconf import OmegaConf
     from rich.console import Console
 
+    from ertskin.bench.next_presses import first_after
     from ertskin.bench.opening import described, opened
-    from ertskin.bench.plan_choice import chosen_plan
+    from ertskin.bench.plan_choice import asked_by_diagnosis, chosen_plan
     from ertskin.errors import JobFailed, UserError
     from ertskin.interrupts import Terminated
 
@@ -61,13 +63,14 @@ def run(config: DictConfig) -> None:
     fields = cast(dict[str, Any], OmegaConf.to_container(config, resolve=True))
     sensor, protocol = described(fields["sensor"])
     asks = _asks(fields["plan"])
-    so_far = _added_to(path, sensor, protocol) if asks else None
+    adds = asks is not None or asked_by_diagnosis(fields["plan"])
+    so_far = _added_to(path, sensor, protocol) if adds else None
     plan = asks.next(so_far, sensor, path.name, _saying(console)) if asks and config.dry_run else None
-    plan = plan if asks else chosen_plan(fields["plan"], sensor)
+    plan = plan if asks else replace(chosen_plan(fields["plan"], sensor), first=first_after(so_far))
     if config.dry_run:
         _tell_plan(console, plan, sensor)
         return
-    if path.exists() and not asks:
+    if path.exists() and not adds:
         raise RecordingError(f"{path}: found a recording already there, expected a free name (nothing was overwritten)")
     start_s = _last_frame_s(path) + RESUME_GAP_S if _half_done(path) or so_far else 0.0
     try:
@@ -86,7 +89,7 @@ def run(config: DictConfig) -> None:
                     outcome = _record_next(bench, asks, path, so_far or header, start_s, console)
                 else:
                     assert plan is not None
-                    outcome = _record(bench, plan, path, header, start_s, console)
+                    outcome = _record(bench, plan, path, so_far or header, start_s, console)
             _seal(bench, path, fields["rig"])
     except PlanError as error:
         raise UserError(f"plan: {error}") from None
@@ -141,7 +144,7 @@ def _record(bench: OpenBench, plan: Plan, path: Path, header: Recording, start_s
     from ertskin.hardware.experiment import check_plan
 
     check_plan(plan, bench.rig)
-    if not _half_done(path):
+    if header.frames is None and not _half_done(path):
         header = _measured_before(bench, header, console)
     return _carried_out(bench, plan, path, header, bench.rig.clock.now() - start_s, console)[1]
 

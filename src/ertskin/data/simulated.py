@@ -109,9 +109,17 @@ def as_builtins(config: DictConfig) -> dict[str, Any]:
 
 
 def rising(touches: Touches) -> Touches:
-    """The frames of one-point presses whose force rises: a touch is read as it comes, before the skin creeps."""
+    """The frames of one-point presses whose force rises: a touch is read as it comes, before the skin creeps.
+
+    Where a recording has none, those held: presses read once each, as most that are imported.
+    """
     single = touches.history.touched.sum(axis=1) == 1
-    return touches[np.flatnonzero(single & (touches.history.phase == Phase.LOADING))]
+    return touches[np.flatnonzero(single & (touches.history.phase == _read_as_touched(touches)))]
+
+
+def _read_as_touched(touches: Touches) -> Phase:
+    """The phase in which a recording's touches are read."""
+    return Phase.LOADING if (touches.history.phase == Phase.LOADING).any() else Phase.HOLD
 
 
 def denoiser_pairs(touches: Touches, forward: Forward, taxels: int) -> TrialSet:
@@ -120,7 +128,7 @@ def denoiser_pairs(touches: Touches, forward: Forward, taxels: int) -> TrialSet:
     ``touches`` come with rests. Their force maps stay blank: a denoiser learns readings, no forces.
     """
     phase = touches.history.phase
-    real = touches[np.flatnonzero((phase == Phase.LOADING) | (phase == Phase.REST))]
+    real = touches[np.flatnonzero((phase == _read_as_touched(touches)) | (phase == Phase.REST))]
     changes_ohm = forward.change_ohm(real.history.contact_m, real.history.force_n)
     blank = np.zeros((len(real), taxels))
     return TrialSet(changes_ohm, blank, real.history.contact_m, real.history.force_n, real.readings_v)

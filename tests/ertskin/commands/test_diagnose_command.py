@@ -9,6 +9,8 @@ from pathlib import Path
 import pytest
 
 from ertskin import cli
+from ertskin.commands.diagnose import next_commands
+from ertskin.diagnosis.contract.claims import Diagnosis, HeldOut
 from ertskin.diagnosis.criteria import Criteria
 from ertskin.hardware.recording import write_recording
 
@@ -88,3 +90,13 @@ def test_a_criterion_out_of_its_limits_gets_one_line(recordings, capsys, asked, 
     assert cli.main(["diagnose", "recording=first.h5", asked]) == 2
     assert capsys.readouterr().err == f"ertskin: {said}\n"
     assert not Path("runs/diagnose").exists()
+
+
+def test_what_to_do_next_is_a_command_that_works_on_the_same_recording():
+    unexplained = Diagnosis("a.h5", "unexplained", HeldOut("split", None, 2.0, 2.0, None, None))
+    said = next_commands(Path("a.h5"), "a", Path("out"), unexplained)
+    assert [line.split()[1] for line in said] == ["doctor", "train"]
+    asking = replace(unexplained, next_press={"press": []})
+    *others, press = next_commands(Path("a.h5"), "a", Path("out"), asking)
+    assert tuple(others) == said
+    assert press == f"ertskin record rig=NAME sensor=NAME plan={Path('out/diagnosis.json')} recording=a.h5"

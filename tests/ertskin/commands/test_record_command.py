@@ -74,6 +74,29 @@ def test_records_a_plan_into_a_sound_file(tmp_path: Path, capsys: pytest.Capture
     assert main(["doctor", f"recording={out}", f"sealed={tmp_path / 'elsewhere'}"]) == 2
 
 
+def test_the_press_a_diagnosis_asks_for_is_added(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out, asked = tmp_path / "a.h5", {"position_m": [0.05, 0.07], "depth_m": 1e-3, "hold_s": 0.1}
+    asked |= {"speed_m_per_s": 1e-3, "cycles": 1}
+    (tmp_path / "diagnosis.json").write_text(json.dumps({"next_press": {"press": [asked]}}))
+    added = [word for word in words(out) if not word.startswith("plan")] + [f"plan={tmp_path / 'diagnosis.json'}"]
+    assert main(words(out)) == 0
+    first = read_recording(out)
+    assert main(added) == 0
+    more = read_recording(out)
+    assert first.frames is not None
+    assert more.frames is not None
+    assert more.specimen is not None
+    history, before = more.frames.history, len(first.frames)
+    np.testing.assert_array_equal(more.frames.voltage_v[:before], first.frames.voltage_v)
+    assert sorted(set(history.press[history.touched.any(axis=1)])) == [0, 1]
+    pressed_m = history.contact_m[before:][history.touched[before:, 0], 0]
+    np.testing.assert_allclose(pressed_m, [asked["position_m"]] * len(pressed_m))
+    assert (np.diff(history.time_s) > 0).all()
+    capsys.readouterr()
+    assert main([*added, "sensor.size_m=[0.1,0.1]"]) == 2
+    assert "so no press can be added to it" in capsys.readouterr().err
+
+
 def test_two_points_under_weights_are_felt(tmp_path: Path) -> None:
     out = tmp_path / "two.h5"
     plan = ["plan=two_point_test", "plan.pairs=[[0,35],[7,28]]"]

@@ -7,10 +7,11 @@ import pytest
 
 from ertskin.data import touches as module
 from ertskin.data.baseline import rest_weights
+from ertskin.data.simulated import rising
 from ertskin.data.touches import touches_of
 from ertskin.errors import UserError
 from ertskin.hardware.recording import Frames, Recording
-from ertskin.physics.history import History
+from ertskin.physics.history import History, Phase
 from ertskin.physics.protocol import Protocol, electrode_pairs
 from ertskin.physics.sensor import taxel_grid_m
 
@@ -94,3 +95,16 @@ def test_spikes_are_looked_for_once_in_each_recording(monkeypatch):
     np.testing.assert_array_equal(first, again)
     assert not np.array_equal(first, different)
     assert len(looked) == 2
+
+
+def test_presses_read_as_they_come_or_held_where_none_is():
+    """Imported recordings hold one scan a press; they correct the simulator as rising ones do."""
+    touches = touches_of(recording())
+    assert (rising(touches).history.phase == Phase.LOADING).all()
+    with_holds = np.where(np.arange(len(touches)) % 2, Phase.HOLD, Phase.LOADING).astype(np.uint8)
+    mixed = rising(replace(touches, history=replace(touches.history, phase=with_holds)))
+    assert (mixed.history.phase == Phase.LOADING).all()
+    held = np.where(touches.history.phase == Phase.LOADING, Phase.HOLD, touches.history.phase)
+    found = rising(replace(touches, history=replace(touches.history, phase=held.astype(np.uint8))))
+    assert len(found) == len(rising(touches)) > 0
+    assert (found.history.phase == Phase.HOLD).all()
