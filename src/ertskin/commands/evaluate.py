@@ -1,7 +1,8 @@
 """Test trained networks beside the yardsticks, and write the report.
 
-``one=FILE`` and ``two=FILE`` are test recordings of single presses and of two weights. Every metric goes to a table on
-the terminal, to evaluation.json and .csv, to MLflow, and to report.html.
+``one=FILE``, ``two=FILE`` and ``anywhere=FILE`` are test recordings of single presses, of two weights and of contacts
+anywhere, of which one is enough. Every metric goes to a table on the terminal, to evaluation.json and .csv, to MLflow,
+and to report.html.
 """
 
 from __future__ import annotations
