@@ -145,32 +145,47 @@ def one_point_test(taxel_m: Array, depths: int = 8, first_m: float = 3.5e-4, ste
     return Plan("one_point_test", tuple(Press(((float(x), float(y)),), steps) for x, y in taxel_m))
 
 
-def pairs_of(taxels: int) -> tuple[tuple[int, int], ...]:
-    """Pairs of so many taxels, as many as the paper's at most: its own of 36, of others drawn, none twice in a pair.
+def pairs_of(taxel_m: Array) -> list[tuple[int, int]]:
+    """Pairs of the taxels (n,2), as many as the paper's at most: its own of 36; of others drawn, each taxel in one of
+    them, and a third of the largest distance or more apart.
 
-    Raises ``PlanError`` where there is no pair.
+    Raises ``PlanError`` where there are fewer than two taxels.
     """
-    if taxels < 2:
-        raise PlanError(f"two points need two taxels, the sensor has {taxels}")
-    if taxels == 36:
-        return PAIRS
-    drawn = np.random.default_rng(0).permutation(taxels).tolist()
-    return tuple(zip(drawn[::2], drawn[1::2], strict=False))[: len(PAIRS)]
+    if len(taxel_m) < 2:
+        raise PlanError(f"two points need two taxels, the sensor has {len(taxel_m)}")
+    if len(taxel_m) == 36:
+        return list(PAIRS)
+    apart_m = np.linalg.norm(taxel_m[:, None] - taxel_m, axis=-1)
+    left, pairs = np.random.default_rng(0).permutation(len(taxel_m)).tolist(), []
+    while left and len(pairs) < len(PAIRS):
+        first = left.pop(0)
+        other = next((k for k in left if apart_m[first, k] >= apart_m.max() / 3), None)
+        if other is not None:
+            left.remove(other)
+            pairs.append((first, other))
+    return pairs
 
 
 def two_point_test(taxel_m: Array, pairs: Sequence[tuple[int, int]], weight_n: float = WEIGHT_N) -> Plan:
     """The paper's two-point test (IV-D): pairs of taxels under weights placed by hand; rest at its ends only.
 
-    Raises ``PlanError`` for a pair of taxels that aren't there.
+    Raises ``PlanError`` for what isn't a pair of the taxels, and where there is none.
     """
+    if not pairs:
+        raise PlanError("no pairs: null chooses them, or give some as [[0, 35], [7, 28]]")
     presses = []
     for number, pair in enumerate(pairs):
-        if not all(0 <= k < len(taxel_m) for k in pair):
-            raise PlanError(f"pair {list(pair)}: the sensor has taxels 0 to {len(taxel_m) - 1}")
+        if not _is_pair(pair, len(taxel_m)):
+            raise PlanError(f"pair {pair}: expected two different taxels of 0 to {len(taxel_m) - 1}")
         places = tuple((float(taxel_m[k, 0]), float(taxel_m[k, 1])) for k in pair)
         steps = (Step(Phase.HOLD, None, 1, 10.0),)
         presses.append(Press(places, steps, rest_frames=1 if number == 0 else 0, weight_n=weight_n))
     return Plan("two_point_test", tuple(presses))
+
+
+def _is_pair(pair: Sequence[int], taxels: int) -> bool:
+    whole = isinstance(pair, Sequence) and all(type(k) is int and 0 <= k < taxels for k in pair)
+    return whole and len(pair) == len(set(pair)) == 2
 
 
 def anywhere_test(

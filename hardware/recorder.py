@@ -134,12 +134,16 @@ class Recorder:
     def adding_to(cls, path: Path, recording: Recording, plan: Plan) -> Recorder:
         """Add the presses of ``plan`` to the finished ``recording`` of ``path``, which ``finish`` replaces.
 
-        Raises ``RecordingError`` where a half-done recording is there already, or this one has no frames.
+        Raises ``RecordingError`` where a half-done recording is there already, or this one has no frames or frames of
+        another number of contacts.
         """
         if recording.frames is None:
             raise RecordingError(f"{path}: found no frames, expected a recording to add presses to")
         if part_of(path).exists():
             raise RecordingError(f"{part_of(path)}: found a half-done recording already there")
+        contacts = recording.frames.history.contact_m.shape[1]
+        if contacts != plan.contacts:
+            raise RecordingError(f"{path}: found frames of {contacts} contacts, expected {plan.contacts} as planned")
         lock = _locked(path)
         try:
             self = cls._refilled(path, recording, plan, lock, len(recording.frames))

@@ -54,17 +54,25 @@ def test_test_plans_press_elsewhere() -> None:
 
 
 def test_skins_of_other_sizes_have_pairs_of_their_own() -> None:
-    assert len(pairs_of(36)) == 14
-    assert pairs_of(36)[0] == (0, 35)
-    for taxels, count in ((2, 1), (9, 4), (16, 8), (100, 14)):
-        pairs = pairs_of(taxels)
-        assert len(pairs) == count
-        assert len({k for pair in pairs for k in pair}) == 2 * count
-        assert two_point_test(TAXELS[:1].repeat(taxels, axis=0), pairs).contacts == 2
+    assert len(pairs_of(TAXELS)) == 14
+    assert pairs_of(TAXELS)[0] == (0, 35)
+    for nx, ny, count in ((2, 1, 1), (3, 3, 3), (4, 4, 7), (10, 10, 14)):
+        taxel_m = taxel_grid_m((0.12, 0.12), nx, ny)
+        pairs = pairs_of(taxel_m)
+        assert len(pairs) >= count
+        assert len({k for pair in pairs for k in pair}) == 2 * len(pairs)
+        apart_m = [np.linalg.norm(np.subtract(*press.contact_m)) for press in two_point_test(taxel_m, pairs).presses]
+        assert min(apart_m) >= np.linalg.norm(taxel_m[-1] - taxel_m[0]) / 3 - 1e-12
     with pytest.raises(PlanError, match="need two taxels, the sensor has 1"):
-        pairs_of(1)
-    with pytest.raises(PlanError, match=r"pair \[0, 35\]: the sensor has taxels 0 to 15"):
-        two_point_test(TAXELS[:16], [(0, 35)])
+        pairs_of(TAXELS[:1])
+
+
+@pytest.mark.parametrize("pair", [(0, 35), (3, 3), (1, 2, 3), (4,), (-1, 2), (0.0, 1), (True, 2), ("a", 1), 5])
+def test_what_is_no_pair_of_taxels_is_refused(pair: object) -> None:
+    with pytest.raises(PlanError, match="expected two different taxels of 0 to 15"):
+        two_point_test(TAXELS[:16], [(0, 1), pair])  # type: ignore[list-item]
+    with pytest.raises(PlanError, match="no pairs: null chooses them"):
+        two_point_test(TAXELS[:16], [])
 
 
 def test_a_plan_survives_builtin_types() -> None:

@@ -10,6 +10,7 @@ from yaml import YAMLError
 
 from ertskin.errors import UserError
 from ertskin.hardware.plan import (
+    WEIGHT_N,
     Plan,
     PlanError,
     anywhere_test,
@@ -27,7 +28,9 @@ KINDS: Mapping[str, Callable[[Mapping[str, Any], Sensor], Plan]] = {
     "taxels": lambda fields, sensor: taxel_plan(sensor.taxel_m, **fields.get("ramp", {})),
     "one_point_test": lambda fields, sensor: one_point_test(sensor.taxel_m, **fields.get("depths", {})),
     "two_point_test": lambda fields, sensor: two_point_test(
-        sensor.taxel_m, fields["pairs"] or pairs_of(len(sensor.taxel_m)), fields["weight_n"]
+        sensor.taxel_m,
+        pairs_of(sensor.taxel_m) if fields.get("pairs") is None else fields["pairs"],
+        fields.get("weight_n", WEIGHT_N),
     ),
     "anywhere_test": lambda fields, sensor: anywhere_test(
         sensor.extent_m, **{key: value for key, value in fields.items() if key not in ("kind", "repeats")}
@@ -38,9 +41,13 @@ KINDS: Mapping[str, Callable[[Mapping[str, Any], Sensor], Plan]] = {
 """Makers of plans, by the ``kind`` of a plan's configuration."""
 
 
-def asked_by_diagnosis(fields: Mapping[str, Any]) -> bool:
-    """Whether a configuration's ``plan`` is the press that a ``diagnosis.json`` asks for."""
-    return fields.get("kind") == "file" and Path(str(fields.get("path"))).suffix == ".json"
+def diagnosis_asking(fields: Mapping[str, Any]) -> dict[str, Any] | None:
+    """The diagnosis whose next press a configuration's ``plan`` is; None for any other plan.
+
+    Raises ``UserError`` for a file that can't be read.
+    """
+    held = _held_in(Path(fields["path"])) if fields.get("kind") == "file" else {}
+    return held if "next_press" in held else None
 
 
 def chosen_plan(fields: Mapping[str, Any], sensor: Sensor) -> Plan:
@@ -61,6 +68,16 @@ def chosen_plan(fields: Mapping[str, Any], sensor: Sensor) -> Plan:
 
 def _plan_in(path: Path, sensor: Sensor) -> Plan:
     """The plan a YAML file describes as those in ``conf/plan`` do, or the one a ``diagnosis.json`` asks for."""
+    fields = _held_in(path)
+    if "next_press" not in fields:
+        return chosen_plan({"name": path.stem, **fields}, sensor)
+    wanted = fields["next_press"]
+    if not isinstance(wanted, dict):
+        raise UserError(f"{path}: asks for no next press")
+    return plan_from_presses(wanted.get("press"), _named(wanted))
+
+
+def _held_in(path: Path) -> dict[str, Any]:
     from omegaconf import OmegaConf
 
     try:
@@ -70,12 +87,7 @@ def _plan_in(path: Path, sensor: Sensor) -> Plan:
         raise UserError(f"{path}: {error}") from None
     if not isinstance(fields, dict):
         raise UserError(f"{path}: found no plan, expected a list of presses or a diagnosis")
-    if "next_press" not in fields:
-        return chosen_plan({"name": path.stem, **{str(key): value for key, value in fields.items()}}, sensor)
-    wanted = fields["next_press"]
-    if not isinstance(wanted, dict):
-        raise UserError(f"{path}: asks for no next press")
-    return plan_from_presses(wanted.get("press"), _named(wanted))
+    return {str(key): value for key, value in fields.items()}
 
 
 def _named(wanted: Mapping[str, Any]) -> str:

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from ertskin.diagnosis.contract.claims import Diagnosis
     from ertskin.diagnosis.criteria import Criteria
     from ertskin.diagnosis.output.retraining import Retraining
+    from ertskin.hardware.recording import Recording
 
 EFFECTS = Path("runs/conf")
 CALIBRATIONS = Path("runs/calibrate")
@@ -88,7 +89,7 @@ class Diagnoses:
         joint = write_joint_calibration(self.calibrations, source, findings)
         written += [] if joint is None else [joint]
         drawn = write_figures(out, findings)
-        commands = next_commands(source, name, out, findings.diagnosis)
+        commands = next_commands(source, name, out, findings.diagnosis, _contacts(recording))
         about = {
             "recording_sha256": file_sha256(source),
             "criteria": asdict(self.criteria),
@@ -100,11 +101,16 @@ class Diagnoses:
         return diagnosis, written
 
 
-def next_commands(source: Path, name: str, out: Path, diagnosis: Diagnosis) -> tuple[str, ...]:
-    """What a person would type next: train with the effects named, or see what the recording allows, and record the
-    press that would settle what is in doubt."""
+def _contacts(recording: Recording) -> int:
+    """How many contacts a frame has room for."""
+    return 0 if recording.frames is None else recording.frames.history.contact_m.shape[1]
+
+
+def next_commands(source: Path, name: str, out: Path, diagnosis: Diagnosis, contacts: int) -> tuple[str, ...]:
+    """What a person would type next: train with the effects named, or see what the recording allows, and add the press
+    that would settle what is in doubt to a recording of one contact."""
     press = f"ertskin record rig=NAME sensor=NAME plan={out / 'diagnosis.json'} recording={source}"
-    settling = () if diagnosis.next_press is None else (press,)
+    settling = () if diagnosis.next_press is None or contacts != 1 else (press,)
     if not diagnosis.effects:
         return (f"ertskin doctor recording={source}", f"ertskin train recording={source} model=reciprocal", *settling)
     return (

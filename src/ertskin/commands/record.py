@@ -33,6 +33,8 @@ if TYPE_CHECKING:
     from ertskin.physics.protocol import Protocol
     from ertskin.physics.sensor import Sensor
 
+VIRTUAL = "virtual"
+"""The rig whose presses don't belong among real ones."""
 RESUME_GAP_S = 60.0
 """Seconds that pass, in a recording gone on with, between its last frame and the next at least."""
 
@@ -52,9 +54,8 @@ def run(config: DictConfig) -> None:
     from omegaconf import OmegaConf
     from rich.console import Console
 
-    from ertskin.bench.next_presses import first_after
     from ertskin.bench.opening import described, opened
-    from ertskin.bench.plan_choice import asked_by_diagnosis, chosen_plan
+    from ertskin.bench.plan_choice import chosen_plan, diagnosis_asking
     from ertskin.errors import JobFailed, UserError
     from ertskin.interrupts import Terminated
 
@@ -63,10 +64,13 @@ def run(config: DictConfig) -> None:
     fields = cast(dict[str, Any], OmegaConf.to_container(config, resolve=True))
     sensor, protocol = described(fields["sensor"])
     asks = _asks(fields["plan"])
-    adds = asks is not None or asked_by_diagnosis(fields["plan"])
-    so_far = _added_to(path, sensor, protocol) if adds else None
+    diagnosis = diagnosis_asking(fields["plan"])
+    adds = asks is not None or diagnosis is not None
+    so_far = _added_to(path, sensor, protocol, str(fields["rig"]["name"])) if adds else None
     plan = asks.next(so_far, sensor, path.name, _saying(console)) if asks and config.dry_run else None
-    plan = plan if asks else replace(chosen_plan(fields["plan"], sensor), first=first_after(so_far))
+    plan = plan if asks else chosen_plan(fields["plan"], sensor)
+    if plan and diagnosis and so_far:
+        plan = _after(so_far, plan, path, diagnosis)
     if config.dry_run:
         _tell_plan(console, plan, sensor)
         return
@@ -110,8 +114,22 @@ def _asks(plan: dict[str, Any]) -> NextPresses | None:
     return NextPresses.of(plan)
 
 
-def _added_to(path: Path, sensor: Sensor, protocol: Protocol) -> Recording | None:
-    """The finished recording that presses are added to, where there is one."""
+def _after(so_far: Recording, plan: Plan, path: Path, diagnosis: dict[str, Any]) -> Plan:
+    """The plan's presses numbered after those of the recording that the diagnosis was made of."""
+    from ertskin.bench.next_presses import first_after
+    from ertskin.data.shards import file_sha256
+    from ertskin.errors import UserError
+    from ertskin.hardware.recorder import half_done_plan
+
+    if _half_done(path):
+        return replace(plan, first=half_done_plan(path).first)
+    if diagnosis.get("recording_sha256", "") not in ("", file_sha256(path)):
+        raise UserError(f"plan: the press is for another recording than {path}, or added to it already: diagnose it")
+    return replace(plan, first=first_after(so_far))
+
+
+def _added_to(path: Path, sensor: Sensor, protocol: Protocol, rig: str) -> Recording | None:
+    """The finished recording that presses are added to by ``rig``, where there is one."""
     from ertskin.bench.next_presses import check_same_skin
     from ertskin.hardware.recording import read_recording
 
@@ -119,6 +137,8 @@ def _added_to(path: Path, sensor: Sensor, protocol: Protocol) -> Recording | Non
         return None
     recording = read_recording(path)
     check_same_skin(recording, sensor, protocol, str(path))
+    if (recording.rig == VIRTUAL) != (rig == VIRTUAL):
+        raise RecordingError(f"{path}: found presses of rig {recording.rig!r}, expected none of rig {rig!r} among them")
     return recording
 
 
@@ -228,10 +248,8 @@ def _recorder(bench: OpenBench, plan: Plan, path: Path, so_far: Recording, conso
     counts = rig.protocol.adc_volts_per_count is not None and hasattr(rig.reader, "identity")
     if so_far.frames is None:
         return Recorder(path, so_far, plan, rig.protocol.shape, counts), plan.first
-    if (so_far.frames.adc_count is not None) != counts:
-        raise RecordingError(
-            f"{path}: found {'no ' if counts else ''}raw counts, expected them as this rig's reader has"
-        )
+    if so_far.frames.adc_count is not None and not counts:
+        raise RecordingError(f"{path}: found raw counts, expected none as this rig's reader has none")
     return Recorder.adding_to(path, so_far, plan), plan.first
 
 

@@ -19,7 +19,7 @@ from ertskin.data.grid import grid_m
 from ertskin.data.local_discrepancy import LocalDiscrepancy, modes, unknown_error
 from ertskin.data.material import Material
 from ertskin.data.noise import Evidence
-from ertskin.data.simulated import as_builtins, rising
+from ertskin.data.simulated import as_builtins, correcting
 from ertskin.data.skin_forward import SkinForward, skin_of
 from ertskin.data.touch_model import TouchModel
 from ertskin.data.touch_table import TablePlan, touch_table
@@ -142,8 +142,8 @@ def touch_model(
 
 
 def pressed(touches: Touches) -> Touches:
-    """The rising frames of one contact in which the load cell feels it."""
-    real = rising(touches)
+    """The frames of one contact that correct the simulator, in which the load cell feels it."""
+    real = correcting(touches)
     return real[np.flatnonzero(real.history.force_n[:, 0] >= FELT_N)]
 
 

@@ -25,7 +25,7 @@ from ertskin.data.touches import Touches, touches_of
 from ertskin.data.trials import TrialSet, joined
 from ertskin.errors import UserError
 from ertskin.hardware.recording import Recording, read_recording
-from ertskin.physics.history import Phase
+from ertskin.physics.history import History, Phase
 from ertskin.progress import counting
 
 Array = NDArray[np.float64]
@@ -53,7 +53,7 @@ def material_and_forward(config: DictConfig, recording: Recording) -> tuple[Mate
         noise = build_noise(Evidence(protocol))
         return Material(protocol, taxel_m, made.network, noise, checksum, made.denoiser), forward
     touches = touches_of(recording)
-    real = rising(touches)
+    real = correcting(touches)
     changes_ohm = forward.change_ohm(real.history.contact_m, real.history.force_n)
     residual_v = real.readings_v.reshape(-1, *protocol.shape) - protocol.readings(changes_ohm)
     slope_v = rest_slopes_v(protocol, forward.calibration, forward.resolution)
@@ -108,27 +108,27 @@ def as_builtins(config: DictConfig) -> dict[str, Any]:
     return dict(OmegaConf.to_container(config, resolve=True))  # type: ignore[arg-type]
 
 
-def rising(touches: Touches) -> Touches:
-    """The frames of one-point presses whose force rises: a touch is read as it comes, before the skin creeps.
-
-    Where a recording has none, those held: presses read once each, as most that are imported.
-    """
+def correcting(touches: Touches) -> Touches:
+    """The frames of one-point presses that correct the simulator."""
     single = touches.history.touched.sum(axis=1) == 1
-    return touches[np.flatnonzero(single & (touches.history.phase == _read_as_touched(touches)))]
+    return touches[np.flatnonzero(single & _as_they_come(touches.history))]
 
 
-def _read_as_touched(touches: Touches) -> Phase:
-    """The phase in which a recording's touches are read."""
-    return Phase.LOADING if (touches.history.phase == Phase.LOADING).any() else Phase.HOLD
+def _as_they_come(history: History) -> NDArray[np.bool_]:
+    """(T,) frames of known force in which a touch is read as it comes, before the skin creeps: those in which the force
+    rises, or of a press that has none all those held, as of most that are imported."""
+    known = np.isfinite(np.where(history.touched, history.force_n, 0.0)).all(axis=1) & history.touched.any(axis=1)
+    loading = known & (history.phase == Phase.LOADING)
+    held = known & (history.phase == Phase.HOLD)
+    return np.asarray(loading | (held & ~np.isin(history.press, history.press[loading])))
 
 
 def denoiser_pairs(touches: Touches, forward: Forward, taxels: int) -> TrialSet:
-    """Measured changes beside simulated ones: the rising frames and the rest before each press, 324 in the paper.
+    """Measured changes beside simulated ones: touches as they come and the rest before each press, 324 in the paper.
 
     ``touches`` come with rests. Their force maps stay blank: a denoiser learns readings, no forces.
     """
-    phase = touches.history.phase
-    real = touches[np.flatnonzero((phase == _read_as_touched(touches)) | (phase == Phase.REST))]
+    real = touches[np.flatnonzero(_as_they_come(touches.history) | (touches.history.phase == Phase.REST))]
     changes_ohm = forward.change_ohm(real.history.contact_m, real.history.force_n)
     blank = np.zeros((len(real), taxels))
     return TrialSet(changes_ohm, blank, real.history.contact_m, real.history.force_n, real.readings_v)

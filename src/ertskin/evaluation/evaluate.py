@@ -15,7 +15,7 @@ from ertskin.calibration.ready import ready_calibration
 from ertskin.data.grid import spacing_m
 from ertskin.data.material import Material
 from ertskin.data.shards import file_sha256
-from ertskin.data.simulated import material_and_forward, recorded_discrepancy, rising
+from ertskin.data.simulated import correcting, material_and_forward, recorded_discrepancy
 from ertskin.data.skin_forward import SkinForward, skin_of
 from ertskin.data.sources import calibration_path
 from ertskin.data.synthesis import Forward
@@ -175,7 +175,7 @@ def _corrected(config: DictConfig, recording: Recording, material: Material, for
     """The forward model behind the material, discrepancy included where it has one."""
     if recording.frames is None or not config.data.discrepancy:
         return forward
-    real = rising(touches_of(recording))
+    real = correcting(touches_of(recording))
     if not len(real):
         return forward
     changes_ohm = forward.change_ohm(real.history.contact_m, real.history.force_n)

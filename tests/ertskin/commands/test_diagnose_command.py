@@ -92,11 +92,12 @@ def test_a_criterion_out_of_its_limits_gets_one_line(recordings, capsys, asked, 
     assert not Path("runs/diagnose").exists()
 
 
-def test_what_to_do_next_is_a_command_that_works_on_the_same_recording():
+def test_the_press_that_would_settle_it_is_said_with_the_recording_it_goes_to():
     unexplained = Diagnosis("a.h5", "unexplained", HeldOut("split", None, 2.0, 2.0, None, None))
-    said = next_commands(Path("a.h5"), "a", Path("out"), unexplained)
+    said = next_commands(Path("a.h5"), "a", Path("out"), unexplained, 1)
     assert [line.split()[1] for line in said] == ["doctor", "train"]
     asking = replace(unexplained, next_press={"press": []})
-    *others, press = next_commands(Path("a.h5"), "a", Path("out"), asking)
+    *others, press = next_commands(Path("a.h5"), "a", Path("out"), asking, 1)
     assert tuple(others) == said
     assert press == f"ertskin record rig=NAME sensor=NAME plan={Path('out/diagnosis.json')} recording=a.h5"
+    assert next_commands(Path("a.h5"), "a", Path("out"), asking, 2) == said

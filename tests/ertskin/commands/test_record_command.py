@@ -11,7 +11,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
@@ -20,11 +20,13 @@ from omegaconf import OmegaConf
 from rich.console import Console
 
 from ertskin.bench.hands import Person
+from ertskin.bench.plan_choice import chosen_plan
 from ertskin.cli import main
 from ertskin.configuration import config_dir
+from ertskin.data.shards import file_sha256
 from ertskin.errors import JobFailed
-from ertskin.hardware.recorder import part_of
-from ertskin.hardware.recording import read_recording
+from ertskin.hardware.recorder import Recorder, part_of
+from ertskin.hardware.recording import read_recording, write_recording
 from ertskin.hardware.validate import validate
 from ertskin.hardware.virtual.bench.sealing import unseal
 from ertskin.hardware.virtual.bench.truth import Noise
@@ -74,27 +76,88 @@ def test_records_a_plan_into_a_sound_file(tmp_path: Path, capsys: pytest.Capture
     assert main(["doctor", f"recording={out}", f"sealed={tmp_path / 'elsewhere'}"]) == 2
 
 
+def asking(recording: Path) -> list[str]:
+    """The command line for the press that a diagnosis of this recording asks for."""
+    press = {"position_m": [0.05, 0.07], "depth_m": 1e-3, "hold_s": 0.1, "speed_m_per_s": 1e-3, "cycles": 1}
+    verdict = {"next_press": {"press": [press]}, "recording_sha256": file_sha256(recording)}
+    path = recording.with_name("diagnosis.json")
+    path.write_text(json.dumps(verdict))
+    return [*(word for word in words(recording) if not word.startswith("plan")), f"plan={path}"]
+
+
 def test_the_press_a_diagnosis_asks_for_is_added(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    out, asked = tmp_path / "a.h5", {"position_m": [0.05, 0.07], "depth_m": 1e-3, "hold_s": 0.1}
-    asked |= {"speed_m_per_s": 1e-3, "cycles": 1}
-    (tmp_path / "diagnosis.json").write_text(json.dumps({"next_press": {"press": [asked]}}))
-    added = [word for word in words(out) if not word.startswith("plan")] + [f"plan={tmp_path / 'diagnosis.json'}"]
+    out = tmp_path / "a.h5"
     assert main(words(out)) == 0
-    first = read_recording(out)
-    assert main(added) == 0
-    more = read_recording(out)
+    first, added = read_recording(out), asking(out)
     assert first.frames is not None
+    capsys.readouterr()
+    assert main([*added, "sensor.size_m=[0.1,0.1]"]) == 2
+    assert "so no press can be added to it" in capsys.readouterr().err
+    # Cut off before its first frame.
+    plan = replace(chosen_plan({"kind": "file", "path": added[-1].removeprefix("plan=")}, first.sensor), first=1)
+    Recorder.adding_to(out, first, plan).close()
+    assert main(added) == 0
+    assert "going on at press 2 of 2" in capsys.readouterr().out
+    more = read_recording(out)
     assert more.frames is not None
     assert more.specimen is not None
     history, before = more.frames.history, len(first.frames)
     np.testing.assert_array_equal(more.frames.voltage_v[:before], first.frames.voltage_v)
     assert sorted(set(history.press[history.touched.any(axis=1)])) == [0, 1]
     pressed_m = history.contact_m[before:][history.touched[before:, 0], 0]
-    np.testing.assert_allclose(pressed_m, [asked["position_m"]] * len(pressed_m))
+    np.testing.assert_allclose(pressed_m, [[0.05, 0.07]] * len(pressed_m))
     assert (np.diff(history.time_s) > 0).all()
+    # Once is enough.
+    kept = out.read_bytes()
+    assert main(added) == 2
+    assert "or added to it already" in capsys.readouterr().err
+    assert out.read_bytes() == kept
+
+
+def test_a_press_that_was_added_but_not_tidied_up_after_is_there_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out = tmp_path / "a.h5"
+    assert main(words(out)) == 0
+    added = asking(out)
+    with monkeypatch.context() as patched:
+        patched.setattr("ertskin.hardware.recorder.Recorder.finish", finished_but_killed)
+        assert main(added) != 0
+    assert part_of(out).exists()
+    assert main(added) == 0
+    frames = read_recording(out).frames
+    assert frames is not None
+    assert not part_of(out).exists()
+    assert sorted(set(frames.history.press[frames.history.touched.any(axis=1)])) == [0, 1]
+
+
+def finished_but_killed(recorder: Recorder) -> None:
+    """What ``finish`` does up to where it removes what it was made of."""
+    recorder.close()
+    write_recording(recorder.path, read_recording(part_of(recorder.path), sound=False), overwrite=True)
+    raise OSError("killed")
+
+
+def test_real_presses_and_virtual_ones_stay_apart(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "a.h5"
+    assert main(words(out)) == 0
+    write_recording(out, replace(read_recording(out), rig="my bench"), overwrite=True)
+    before = out.read_bytes()
     capsys.readouterr()
-    assert main([*added, "sensor.size_m=[0.1,0.1]"]) == 2
-    assert "so no press can be added to it" in capsys.readouterr().err
+    assert main(asking(out)) == 2
+    assert "found presses of rig 'my bench', expected none of rig 'virtual' among them" in capsys.readouterr().err
+    assert out.read_bytes() == before
+
+
+def test_a_list_of_presses_is_added_to_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out, listed = tmp_path / "a.h5", tmp_path / "mine.json"
+    assert main(words(out)) == 0
+    listed.write_text(json.dumps({"presses": [{"contact_m": [0.03, 0.05], "ramp": {"depth_m": 1e-3, "step_m": 5e-4}}]}))
+    before = out.read_bytes()
+    capsys.readouterr()
+    assert main([*asking(out)[:-1], f"plan={listed}"]) == 2
+    assert "nothing was overwritten" in capsys.readouterr().err
+    assert out.read_bytes() == before
 
 
 def test_two_points_under_weights_are_felt(tmp_path: Path) -> None:

@@ -7,7 +7,7 @@ import pytest
 
 from ertskin.data import touches as module
 from ertskin.data.baseline import rest_weights
-from ertskin.data.simulated import rising
+from ertskin.data.simulated import correcting
 from ertskin.data.touches import touches_of
 from ertskin.errors import UserError
 from ertskin.hardware.recording import Frames, Recording
@@ -97,14 +97,21 @@ def test_spikes_are_looked_for_once_in_each_recording(monkeypatch):
     assert len(looked) == 2
 
 
-def test_presses_read_as_they_come_or_held_where_none_is():
-    """Imported recordings hold one scan a press; they correct the simulator as rising ones do."""
+def test_a_press_corrects_by_what_rises_or_by_what_is_held_where_nothing_does():
+    """Imported recordings hold one scan a press; a press added later is none the less read as it comes."""
     touches = touches_of(recording())
-    assert (rising(touches).history.phase == Phase.LOADING).all()
-    with_holds = np.where(np.arange(len(touches)) % 2, Phase.HOLD, Phase.LOADING).astype(np.uint8)
-    mixed = rising(replace(touches, history=replace(touches.history, phase=with_holds)))
-    assert (mixed.history.phase == Phase.LOADING).all()
-    held = np.where(touches.history.phase == Phase.LOADING, Phase.HOLD, touches.history.phase)
-    found = rising(replace(touches, history=replace(touches.history, phase=held.astype(np.uint8))))
-    assert len(found) == len(rising(touches)) > 0
-    assert (found.history.phase == Phase.HOLD).all()
+    assert len(correcting(touches)) == len(touches)
+
+    def changed(**fields):
+        return correcting(replace(touches, history=replace(touches.history, **fields))).history
+
+    held = np.full(len(touches), Phase.HOLD, dtype=np.uint8)
+    assert len(changed(phase=held)) == len(touches)
+    first = touches.history.press == touches.history.press[0]
+    added = np.where(first & (np.arange(len(touches)) == 0), Phase.LOADING, held).astype(np.uint8)
+    found = changed(phase=added)
+    assert (found.press == touches.history.press[0]).sum() == 1
+    assert len(found) == len(touches) - (first.sum() - 1)
+    unknown = np.where(first[:, None], np.nan, touches.history.force_n)
+    assert not np.isin(touches.history.press[0], changed(phase=held, force_n=unknown).press)
+    assert len(changed(phase=held, force_n=unknown)) == len(touches) - first.sum()

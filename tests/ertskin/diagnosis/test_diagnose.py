@@ -15,7 +15,7 @@ from ertskin.calibration.fit import fit_recording
 from ertskin.calibration.store import load_calibration, save_calibration
 from ertskin.cores import SHARE_VARIABLE
 from ertskin.data.chosen_presses import made_presses, presses_of
-from ertskin.data.simulated import rising
+from ertskin.data.simulated import correcting
 from ertskin.data.skin_forward import SkinForward
 from ertskin.data.sources import CALIBRATION, calibration_folder, calibration_path
 from ertskin.data.touches import touches_of
@@ -80,7 +80,7 @@ def test_the_calibration_fitted_with_the_effects_is_the_one_that_is_simulated_wi
     assert calibration_path(OmegaConf.create(given)) == written
     other = {"piezo_hysteresis": effects["piezo_hysteresis"] | {"width": 0.5}}
     assert calibration_path(OmegaConf.create(given | {"effects": other})).name == CALIBRATION
-    touches = rising(touches_of(recording))
+    touches = correcting(touches_of(recording))
     misfits = []
     for calibration in (own, load_calibration(written)):
         forward = SkinForward(calibration, touches.protocol, effects, "fast")

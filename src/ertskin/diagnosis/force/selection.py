@@ -78,7 +78,7 @@ def _most(search: ForceSearch, best: ForceFit, score: float) -> tuple[ForceFit, 
             if name in [term.effect.name for term in rest]:
                 continue
             fit = search.best_form(rest, name, best)
-            # What fits no better foretells no better.
+            # What fits no better predicts no better.
             if best.misfit - fit.misfit > search.threshold:
                 found.append((fit, score - search.predicted_misfit(fit)))
     return max(found, key=lambda pair: pair[1])

@@ -37,8 +37,8 @@ def held_out_gain(
 
     From gradient (F,n+c) and Hessian (F,n+c,n+c) by cell and the ``prior``'s precisions (n+c,).
     """
-    foretold, _, step = held_out_gains(gradient, hessian, prior, value, partitions)
-    return float(foretold.sum()), step
+    predicted, _, step = held_out_gains(gradient, hessian, prior, value, partitions)
+    return float(predicted.sum()), step
 
 
 def held_out_gains(
@@ -58,8 +58,8 @@ def held_out_gains(
         return float(slope @ full - 0.5 * full @ curved @ full - without)
 
     whole = steps(np.ones(len(cells), dtype=bool))
-    foretold = [gained(out, *steps(~np.isin(cells, out))) for out in partitions]
-    return np.array(foretold), np.array([gained(out, *whole) for out in partitions]), whole[0]
+    predicted = [gained(out, *steps(~np.isin(cells, out))) for out in partitions]
+    return np.array(predicted), np.array([gained(out, *whole) for out in partitions]), whole[0]
 
 
 def with_columns(

@@ -69,8 +69,8 @@ def form_error(
     found = [FormError()]
     for spread in SPREADS:
         prior = np.concatenate([current.fit.prior.diagonal(), np.full(len(forms), spread**-2)])
-        foretold, fitted, sizes = held_out_gains(*known, prior, current.fit.from_prior, partitions)
-        found.append(FormError(forms, sizes, float(np.minimum(foretold, np.abs(fitted)).sum())))
+        predicted, fitted, sizes = held_out_gains(*known, prior, current.fit.from_prior, partitions)
+        found.append(FormError(forms, sizes, float(np.minimum(predicted, np.abs(fitted)).sum())))
     return max(found, key=lambda error: error.gain)
 
 

@@ -25,8 +25,8 @@ def gained(without: Solved, present: Solved, partitions: Sequence[Sequence[int]]
     gain = float(np.clip(predicted, -np.abs(fitted_gain), np.abs(fitted_gain)).clip(max=fitted_gain).sum())
     before, after = (float(solved.fit.quadratic.cost[:-1].sum()) for solved in (without, present))
     evidence = before - after - freedom(present) + freedom(without)
-    unpredicted = _by_place(present) > _by_place(without)
-    return evidence if unpredicted or after < (1 - criteria.most_share) * before else min(gain, evidence)
+    unpredictable = _by_place(present) > _by_place(without)
+    return evidence if unpredictable or after < (1 - criteria.most_share) * before else min(gain, evidence)
 
 
 def _by_place(solved: Solved) -> int:

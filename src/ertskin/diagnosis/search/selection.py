@@ -103,7 +103,7 @@ def selected_again(
     # What forms they take has been chosen on presses enough to tell.
     incumbent = refined(build, incumbent, partitions, spread)
     if len(kept) < len(found.terms):
-        incumbent = search.with_field_by_place(incumbent, spread) or incumbent
+        incumbent = search.with_values_at_places(incumbent, spread) or incumbent
     return search.completed(before, *search.pruned(incumbent), selection.specimen)
 
 
@@ -226,7 +226,7 @@ class _Search:
         if entered is None:
             instrument = instrument_worth_a_name(problem, current, trials)
             least = 0.0 if instrument is None else problem.evidence.criteria.most_share * instrument.gain
-            return self._in_anothers_place(incumbent, trials) or self.with_field_by_place(incumbent, least=least)
+            return self._in_anothers_place(incumbent, trials) or self.with_values_at_places(incumbent, least=least)
         trial, proposed = entered
         rivals = self.stand[key_of(trial.term)] = short_of(trial, last)
         self.forms += other_forms(trial, last, rivals, self.fixed)
@@ -270,7 +270,7 @@ class _Search:
         self.stand[key_of(entered)] = (Rival(left.effect, gain),)
         return _reconsidered(self.build, proposed)
 
-    def with_field_by_place(
+    def with_values_at_places(
         self, incumbent: CheckedFit, free: Freeing = freed_forms, least: float = 0.0
     ) -> CheckedFit | None:
         """With a field told place by place, where nothing else explains most of what is missing and that gains the
