@@ -156,7 +156,8 @@ def pairs_of(taxel_m: Array) -> list[tuple[int, int]]:
     if len(taxel_m) == 36:
         return list(PAIRS)
     apart_m = np.linalg.norm(taxel_m[:, None] - taxel_m, axis=-1)
-    left, pairs = np.random.default_rng(0).permutation(len(taxel_m)).tolist(), []
+    left: list[int] = np.random.default_rng(0).permutation(len(taxel_m)).tolist()
+    pairs: list[tuple[int, int]] = []
     while left and len(pairs) < len(PAIRS):
         first = left.pop(0)
         other = next((k for k in left if apart_m[first, k] >= apart_m.max() / 3), None)
