@@ -1,6 +1,7 @@
 """Diagnose a recorded suite: ``python experiments/concealed/proof/diagnose.py OUT [--method NAME=COMMAND] [--jobs 2]``.
 
 A method is a command line; ``{recording}`` and ``{out}`` stand for its input and its folder. Goes on where it stopped.
+``--cpu-s 720`` stops a diagnosis that takes longer: it counts as none, and isn't made again.
 """
 
 from __future__ import annotations
@@ -8,6 +9,7 @@ from __future__ import annotations
 import argparse
 import os
 import shlex
+import signal
 import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor, as_completed
@@ -16,6 +18,8 @@ from pathlib import Path
 import seals
 
 ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1", "NUMBA_NUM_THREADS": "1"}
+STOPPED = "stopped.txt"
+"""In the folder of a diagnosis that took too long: how long it was given."""
 DIAGNOSE = f"ertskin={shlex.quote(sys.executable)} -m ertskin.cli diagnose recording={{recording}} out={{out}}"
 
 
@@ -27,15 +31,23 @@ def method(text: str) -> tuple[str, str]:
     return name, command
 
 
-def diagnose(name: str, command: str, recording: Path, folder: Path) -> str:
-    """Run one method on one recording; its output lies beside the diagnosis. Returns a line on how it went."""
+def diagnose(name: str, command: str, recording: Path, folder: Path, cpu_s: int | None = None) -> str:
+    """Run one method on one recording; its output lies beside the diagnosis. Returns a line on how it went.
+
+    One that takes more than ``cpu_s`` seconds of CPU is stopped.
+    """
     folder.mkdir(parents=True, exist_ok=True)
     words = shlex.split(command.format(recording=shlex.quote(str(recording)), out=shlex.quote(str(folder))))
+    if cpu_s is not None:
+        words = ["sh", "-c", f'ulimit -t {cpu_s}; exec "$@"', "sh", *words]
     with (folder / "output.txt").open("w") as output:
         code = subprocess.run(
             words, stdout=output, stderr=subprocess.STDOUT, env=os.environ | ONE_THREAD, check=False
         ).returncode
     state = "diagnosed" if (folder / "diagnosis.json").exists() else f"no diagnosis (exit status {code})"
+    if cpu_s is not None and code in (-signal.SIGXCPU, -signal.SIGKILL) and not (folder / "diagnosis.json").exists():
+        state = f"stopped after {cpu_s} s of CPU"
+        (folder / STOPPED).write_text(state + "\n")
     return f"{name} {recording.stem}: {state}"
 
 
@@ -44,6 +56,7 @@ def main() -> int:
     parser.add_argument("out", type=Path, help="folder of the suite")
     parser.add_argument("--method", type=method, action="append", help="NAME=COMMAND, several times if wanted")
     parser.add_argument("--jobs", type=int, default=1)
+    parser.add_argument("--cpu-s", type=int, help="seconds of CPU after which a diagnosis is stopped")
     options = parser.parse_args()
     out = options.out.resolve()
     try:
@@ -55,10 +68,12 @@ def main() -> int:
         print(error, file=sys.stderr)
         return 2
     work = [
-        (name, command, out / "recordings" / f"{case}.h5", folder)
+        (name, command, out / "recordings" / f"{case}.h5", folder, options.cpu_s)
         for name, command in options.method or [method(DIAGNOSE)]
         for case in cases
-        if not ((folder := out / "diagnoses" / name / case) / "diagnosis.json").exists()
+        if not any(
+            ((folder := out / "diagnoses" / name / case) / made).exists() for made in ("diagnosis.json", STOPPED)
+        )
     ]
     with ThreadPoolExecutor(options.jobs) as pool:
         for done in as_completed([pool.submit(diagnose, *piece) for piece in work]):
