@@ -148,7 +148,12 @@ def _fit_contacts(recording: Recording, sensor: Sensor, fits: Fits, method: str,
         fit_sheet=True,
         noise_v=noise,
     )
-    newton = gauss_newton(problem) if method != "direct_search" else None
+    try:
+        newton = gauss_newton(problem) if method != "direct_search" else None
+    except RuntimeError as error:
+        raise UserError(
+            f"{error}: the resting readings are no sheet's with contacts; ertskin doctor says more"
+        ) from None
     if method != "gauss_newton":
         say("contact resistances again, by the paper's direct search")
     searched = direct_search(problem) if method != "gauss_newton" else None

@@ -55,3 +55,15 @@ def test_nothing_to_calibrate_on_is_said(shared_data, tmp_path, monkeypatch, cap
     assert "nothing to calibrate on" in capsys.readouterr().err
     assert main(["calibrate", f"recording={shared_data / 'real/foam_turbo_free_1.h5'}", "method=guess"]) == 2
     assert "choose one of gauss_newton" in capsys.readouterr().err
+
+
+def test_resting_readings_of_no_sheet_are_said_in_a_line(bench, tmp_path, monkeypatch, capsys):
+    def never(problem):
+        raise RuntimeError("contact resistances did not converge in 40 Gauss-Newton steps")
+
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("ertskin.calibration.fit.gauss_newton", never)
+    assert main(["calibrate", f"recording={bench[0]}"]) == 2
+    said = capsys.readouterr().err.splitlines()
+    assert said[-1].startswith("ertskin: contact resistances did not converge in 40 Gauss-Newton steps: the resting")
+    assert not any("Traceback" in line for line in said)
