@@ -39,13 +39,14 @@ def diagnose(name: str, command: str, recording: Path, folder: Path, cpu_s: int 
     folder.mkdir(parents=True, exist_ok=True)
     words = shlex.split(command.format(recording=shlex.quote(str(recording)), out=shlex.quote(str(folder))))
     if cpu_s is not None:
-        words = ["sh", "-c", f'ulimit -t {cpu_s}; exec "$@"', "sh", *words]
+        # The soft limit alone: its signal tells a diagnosis that took too long from one that was killed.
+        words = ["sh", "-c", f'ulimit -S -t {cpu_s}; exec "$@"', "sh", *words]
     with (folder / "output.txt").open("w") as output:
         code = subprocess.run(
             words, stdout=output, stderr=subprocess.STDOUT, env=os.environ | ONE_THREAD, check=False
         ).returncode
     state = "diagnosed" if (folder / "diagnosis.json").exists() else f"no diagnosis (exit status {code})"
-    if cpu_s is not None and code in (-signal.SIGXCPU, -signal.SIGKILL) and not (folder / "diagnosis.json").exists():
+    if code == -signal.SIGXCPU and not (folder / "diagnosis.json").exists():
         state = f"stopped after {cpu_s} s of CPU"
         (folder / STOPPED).write_text(state + "\n")
     return f"{name} {recording.stem}: {state}"
