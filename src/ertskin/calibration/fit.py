@@ -152,7 +152,7 @@ def _fit_contacts(recording: Recording, sensor: Sensor, fits: Fits, method: str,
         newton = gauss_newton(problem) if method != "direct_search" else None
     except RuntimeError as error:
         raise UserError(
-            f"{error}: the resting readings are no sheet's with contacts; ertskin doctor says more"
+            f"{error}: the resting readings are no even sheet's with contacts; see ertskin doctor"
         ) from None
     if method != "gauss_newton":
         say("contact resistances again, by the paper's direct search")
