@@ -21,7 +21,10 @@ def robust_std(values: Array, axis: int | None = None) -> Array:
 
 
 def noise_on_course(values: Array) -> float:
-    """Standard deviation of the noise of ``values`` (N,) on a smooth course, from third differences; 1e-4 at least."""
+    """Standard deviation of the noise of ``values`` (N,) on a smooth course, from third differences, in their unit.
+
+    1e-4 at least: a tenth of a millinewton, or a ten-thousandth where values are logarithms.
+    """
     return float(max(robust_std(np.diff(values, 3)) / np.sqrt(20.0), 1e-4))
 
 

@@ -54,9 +54,9 @@ _LAST_STRIDE = 1e-6
 class ContactFit:
     """Contact resistances (L,) in ohm with standard errors, and the sheet resistance in ohm per square.
 
-    Standard errors hold for white reading noise of ``noise_v`` (given, or taken from the residual); ``covariance``
-    (n,n) is of the unknowns in ohm, contacts first, the sheet resistance last if fitted. A contact
-    that the readings can't tell has a standard error beyond its value. ``residual_v`` (n,): measured less simulated in
+    Standard errors hold for white reading noise of ``noise_v`` (given, or the residual's where that is larger);
+    ``covariance`` (n,n) is of the unknowns in ohm, contacts first, the sheet resistance last if fitted. A contact that
+    the readings can't tell has a standard error beyond its value. ``residual_v`` (n,): measured less simulated in
     ``ScanSpace`` coordinates; ``residual_rms_v`` its rms per degree of freedom. ``rms_before_v`` and ``rms_after_v``
     are over all readings (Fig. 7). ``evaluations`` counts solutions of the sheet, or of its reduction.
     """
@@ -157,7 +157,7 @@ def gauss_newton(problem: ContactProblem) -> ContactFit:
         scale = max(float(measured @ simulated) / float(simulated @ simulated), 1e-3)
         logs, pairs, slope = logs + np.log(scale), pairs * scale, slope * scale
     expected = logs.copy()
-    residual, damping, evaluations, expected_gain = measured - whiten @ pairs, 0.0, 1, np.inf
+    residual, damping, evaluations = measured - whiten @ pairs, 0.0, 1
     for _ in range(_STEPS):
         jacobian = whiten @ slope
         pull = np.full(len(logs), (_noise(problem, jacobian, residual) / _PRIOR_LOG_SD) ** 2)
@@ -181,9 +181,6 @@ def gauss_newton(problem: ContactProblem) -> ContactFit:
         damping = max(4 * damping, 1e-2) if poor else (damping / 10 if damping > 1e-4 else 0.0)
         if converged:
             return _result(problem, logs, pairs, slope, before, "gauss_newton", evaluations, begun)
-    # Where the model misses readings by far more than the noise, steps come to the solver's rounding first.
-    if expected_gain < _CONVERGED * _scatter(jacobian, residual) ** 2:
-        return _result(problem, logs, pairs, slope, before, "gauss_newton", evaluations, begun)
     raise RuntimeError(f"contact resistances did not converge in {_STEPS} Gauss-Newton steps")
 
 
@@ -271,15 +268,14 @@ def _explore(cost: Callable[[Array], float], point: Array, value: float, stride:
 
 
 def _noise(problem: ContactProblem, jacobian: Array, residual: Array) -> float:
-    """Noise of one coordinate in volt: given, or the residual's, but never below the solver's rounding."""
-    if problem.noise_v is not None:
-        return problem.noise_v
-    return float(max(_scatter(jacobian, residual), _SOLVED * np.abs(problem.voltage_v).max()))
+    """What one coordinate is off by, in volt: its noise, or the residual's rms where the model misses by more.
 
-
-def _scatter(jacobian: Array, residual: Array) -> float:
-    """Rms of a residual per degree of freedom."""
-    return float(np.sqrt(residual @ residual / max(1, jacobian.shape[0] - jacobian.shape[1])))
+    Where the noise isn't known it is the solver's rounding at least. Fits to readings that no even sheet gives would
+    look for steps below that rounding if only the noise counted.
+    """
+    scatter = float(np.sqrt(residual @ residual / max(1, jacobian.shape[0] - jacobian.shape[1])))
+    least = _SOLVED * float(np.abs(problem.voltage_v).max()) if problem.noise_v is None else problem.noise_v
+    return max(scatter, least)
 
 
 def _result(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -103,23 +102,20 @@ def test_a_contact_that_wants_to_vanish_stays_positive(sheet: SheetModel, protoc
     assert fit.contact_resistance_ohm[2] < 5 * fit.standard_error_ohm[2]
 
 
-def test_a_fit_that_misses_by_far_more_than_the_noise_ends_where_it_moves_no_more(sheet: SheetModel):
-    """An uneven sheet, driven electrodes not read: contacts bend, and steps come to the solver's rounding first."""
+def test_a_fit_that_misses_by_far_more_than_the_noise_still_ends(sheet: SheetModel):
+    """An uneven sheet, driven electrodes not read: contacts bend far."""
     adjacent = np.stack([np.arange(8), (np.arange(8) + 1) % 8], axis=1)
     current = np.zeros((8, 8))
     current[np.arange(8), adjacent[:, 0]], current[np.arange(8), adjacent[:, 1]] = 5e-4, -5e-4
     apart = np.abs((np.arange(8)[:, None] - np.arange(8) + 4) % 8 - 4) > 1
-    protocol, even, fits = Protocol.differences(current, adjacent, measured=apart), sheet.uniform(18000.0), []
+    protocol, even = Protocol.differences(current, adjacent, measured=apart), sheet.uniform(18000.0)
     for seed in range(20, 30):
         rng = np.random.default_rng(seed)
         wave = np.sin(np.linspace(0, rng.uniform(2, 9), len(even)) + rng.uniform(0, 6))
         solved = sheet.solve(even * np.exp(0.3 * wave)[:, None], np.full(8, 300.0))
-        with suppress(RuntimeError):
-            voltage = protocol.readings(solved.pair_resistance_ohm)
-            fits.append(gauss_newton(problem(sheet, protocol, voltage, noise_v=NOISE)))
-    late = [fit for fit in fits if fit.evaluations > 40]
-    assert late
-    for fit in late:
+        fit = gauss_newton(problem(sheet, protocol, protocol.readings(solved.pair_resistance_ohm), noise_v=NOISE))
+        assert fit.evaluations < 30
+        assert fit.noise_v == pytest.approx(fit.residual_rms_v)
         assert fit.residual_rms_v > 5 * NOISE
         assert fit.rms_after_v < fit.rms_before_v
 
