@@ -12,7 +12,6 @@ from ertskin.hardware.load_cells.stream import StreamingCell
 from ertskin.hardware.load_cells.units import NEWTON_PER_UNIT
 from ertskin.hardware.transport import Transport
 
-FASTEST_HZ = 10.0
 _SAMPLE = re.compile(r"([+-]?\d{1,6}\.\d{1,6}) {0,3}(mN|kN|N|kg|g|lb|lbs|oz)", re.ASCII)
 
 

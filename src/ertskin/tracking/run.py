@@ -180,13 +180,6 @@ def mend(client: MlflowClient, experiment: str) -> list[str]:
     return gone
 
 
-def finished_run(settings: TrackingSettings, key: str) -> str | None:
-    """Id of the finished run of this ``key``, or None."""
-    client = open_store(settings.database)
-    experiment = experiment_id(client, settings.experiment, settings.artifacts)
-    return next((run.info.run_id for run in _of_key(client, experiment, key) if run.info.status == "FINISHED"), None)
-
-
 def flattened(config: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
     """Nested mappings as one level, names joined by dots."""
     flat: dict[str, Any] = {}

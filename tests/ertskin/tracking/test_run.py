@@ -13,7 +13,7 @@ from mlflow.exceptions import MlflowException
 from ertskin.errors import JobFailed, UserError
 from ertskin.interrupts import Terminated
 from ertskin.tracking.datasets import DatasetInfo
-from ertskin.tracking.run import Run, fetch, finished_run, flattened
+from ertskin.tracking.run import Run, fetch, flattened
 from ertskin.tracking.settings import TrackingSettings
 from ertskin.tracking.store import ensure_database, open_store
 
@@ -45,12 +45,12 @@ def test_how_a_run_is_left_decides_its_status(settings, error, status):
 def test_a_run_that_was_cut_off_is_gone_on_with_and_a_finished_one_is_not(settings):
     with pytest.raises(JobFailed), Run.begin(settings, "key", "name") as first:
         raise JobFailed("once")
-    assert finished_run(settings, "key") is None
+    assert info(settings, first.run_id).info.status == "FAILED"
     with Run.begin(settings, "key", "name") as second:
         pass
     assert second.run_id == first.run_id
     assert "ertskin.error" not in info(settings, second.run_id).data.tags
-    assert finished_run(settings, "key") == first.run_id
+    assert info(settings, first.run_id).info.status == "FINISHED"
     with Run.begin(settings, "key", "name") as third:
         pass
     assert third.run_id != first.run_id
