@@ -67,18 +67,22 @@ RULES: dict[str, Rule] = {
         lambda build, incumbent, entered, *more: entered,
     ),
     "form_by_cells": Rule(
-        "of a field's forms the one that foretells cells held out enters, not the one that fits best",
+        "of a field's forms the one that predicts cells held out enters, not the one that fits best",
         (f"{SEARCH}.entering._foretelling",),
         lambda fit, partitions: fit.misfit,
     ),
     "own_scale": Rule(
         "cells held out count each on its own scale of misfit, not by their chi-square",
-        (f"{SEARCH}.smooth_fields.log_misfit", f"{FIT}.cross_validation.log_misfit", f"{SEARCH}.foretold.log_misfit"),
+        (
+            f"{SEARCH}.smooth_fields.log_misfit",
+            f"{FIT}.cross_validation.log_misfit",
+            f"{SEARCH}.predictive_check.log_misfit",
+        ),
         lambda cost, numbers: float(cost.sum()),
     ),
-    "foretold": Rule(
+    "predictive_check": Rule(
         "terms with which cells held out are predicted worse than without go",
-        ("ertskin.diagnosis.skin.that_foretells",),
+        ("ertskin.diagnosis.skin.that_predicts",),
         lambda selection, partitions: selection,
     ),
     "nominal_again": Rule(
@@ -112,12 +116,12 @@ RULES: dict[str, Rule] = {
         lambda problem, current, asked: None,
     ),
     "another_property": Rule(
-        "of smooth fields of two properties that gain alike the one enters that foretells cells better",
+        "of smooth fields of two properties that gain alike the one enters that predicts cells better",
         (f"{SEARCH}.entering._of_another_property",),
         lambda field, trial, gain: False,
     ),
     "unforeseen": Rule(
-        "effects of which the screen foretells harm are fitted where nothing else enters",
+        "effects of which the screen predicts harm are fitted where nothing else enters",
         (f"{SEARCH}.trials.unforeseen",),
         lambda problem, current, found, partitions: [],
     ),
@@ -147,8 +151,8 @@ RULES: dict[str, Rule] = {
         lambda trial, trials, rivals, fixed: [],
     ),
     "cells_of_what_follows": Rule(
-        "a search begun anew isn't gone on with where cells held out are foretold worse",
-        (f"{SEARCH}.selection._Search._foretells_worse",),
+        "a search begun anew isn't gone on with where cells held out are predicted worse",
+        (f"{SEARCH}.selection._Search._predicts_worse",),
         lambda search, reached, incumbent: False,
     ),
     "memory_first": Rule(

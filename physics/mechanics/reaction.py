@@ -99,12 +99,12 @@ class _Secant:
         known = np.abs(mended) > _CLOSE_N
         ratio = np.divide(self._change_n, mended, out=np.full(len(wrong_n), self.elastic), where=known)
         likely = (ratio > _SLOPES[0] * self.elastic) & (ratio < _SLOPES[1] * self.elastic)
-        there = force_n + np.where(likely, ratio, self.elastic) * wrong_n
+        next_n = force_n + np.where(likely, ratio, self.elastic) * wrong_n
         width = self._above_n - self._below_n
         jumped = ~kept & (np.abs(wrong_n) > _MENDED * np.abs(self._wrong_n))
-        halved = np.isfinite(width) & (jumped | (there <= self._below_n) | (there >= self._above_n))
-        there[halved] = 0.5 * (self._below_n[halved] + self._above_n[halved])
-        self._wrong_n, self._change_n = wrong_n, np.clip(there, 0.0, self.most_n) - force_n
+        halved = np.isfinite(width) & (jumped | (next_n <= self._below_n) | (next_n >= self._above_n))
+        next_n[halved] = 0.5 * (self._below_n[halved] + self._above_n[halved])
+        self._wrong_n, self._change_n = wrong_n, np.clip(next_n, 0.0, self.most_n) - force_n
         return self._change_n
 
     @property

@@ -48,7 +48,7 @@ class MeasuredNoise:
         left a direction counts as drift when its variance over the frames exceeds what white noise alone would show in
         the largest of T-1 directions (Marchenko-Pastur edge) by ``margin``; the white part is taken off. ``zero``
         (T,T): weights of the others in the zero that each frame counts from, their mean where it isn't given; what
-        they foretell of a frame is no noise of its change.
+        they predict of a frame is no noise of its change.
         """
         if len(rest_v) < 3:
             raise ValueError(f"measured noise needs at least three rest frames, the recording has {len(rest_v)}")

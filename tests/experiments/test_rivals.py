@@ -264,7 +264,7 @@ def test_akaike_weights_are_shares() -> None:
 def test_no_guard_of_the_diagnosis_takes_a_rival_s_names(monkeypatch: pytest.MonkeyPatch) -> None:
     for name in ("_building", "_start", "_partitions"):
         monkeypatch.setattr(whole_diagnosis, name, lambda *given: None)
-    monkeypatch.setattr(whole_diagnosis, "that_foretells", lambda found, partitions: f"{found}, guarded")
+    monkeypatch.setattr(whole_diagnosis, "that_predicts", lambda found, partitions: f"{found}, guarded")
     baseline = SimpleNamespace(skin=SimpleNamespace(effects=()), specimen_findings=(), displaced=None)
 
     def own(*given: object) -> str:

@@ -34,12 +34,12 @@ class Found:
 
 def by_effect(cases: Sequence[Judged]) -> list[str]:
     """The table, line by line."""
-    told = (
+    caption = (
         f"Of effects whose own ratio is {WEAK} or more, told at {LIKELY} or more and at their place;"
         " named wrongly in how many of all cases:"
     )
     head = "| effect | alone | in compounds | either | at a wrong place | not hidden |"
-    return [told, "", head, "|" + " --- |" * 6, *map(str, found(cases))]
+    return [caption, "", head, "|" + " --- |" * 6, *map(str, found(cases))]
 
 
 def found(cases: Sequence[Judged]) -> list[Found]:
@@ -49,7 +49,7 @@ def found(cases: Sequence[Judged]) -> list[Found]:
 
 
 def _found(cases: Sequence[Judged], name: str) -> Found:
-    def is_told(case: Judged) -> bool:
+    def is_named(case: Judged) -> bool:
         return any(claim["name"] == name and case.is_right(claim) for claim in case.likely)
 
     def is_shown(case: Judged) -> bool:
@@ -60,4 +60,4 @@ def _found(cases: Sequence[Judged], name: str) -> Found:
     alone, compound = ([case for case in shown if (case.kind == "single") is one] for one in (True, False))
     wrong = [case for case in cases if name in case.wrong_likely]
     misplaced = sum(case.truth_of(name) is not None for case in wrong)
-    return Found(name, share(alone, is_told), share(compound, is_told), misplaced, len(wrong) - misplaced)
+    return Found(name, share(alone, is_named), share(compound, is_named), misplaced, len(wrong) - misplaced)

@@ -564,12 +564,12 @@ def instrument(kind: type[Form], skin: Skin) -> float:
     A channel that is off is known, and so is where readings stop: both are measured.
     """
     seen, form = seen_of(skin), form_of(kind, skin)
-    told = seen[1].taken
+    taken_mask = seen[1].taken
     voltage, changes = _at_rest(skin)
     scans = _scans(skin, frames_of(skin))
     # Nothing but a gain depends on time.
     scans = scans[::THINNED] if isinstance(form, GainAndOffset) else scans[:1]
-    said = np.array([form.voltage(voltage, moment.frame, moment.time_s) for moment in scans])[:, told]
+    said = np.array([form.voltage(voltage, moment.frame, moment.time_s) for moment in scans])[:, taken_mask]
     true = np.repeat(seen[1].filled(voltage)[None], len(scans), axis=0)
     time_s, changes = np.array([moment.time_s for moment in scans]), seen[1].filled(changes)
     changes = changes[changes.any(axis=(1, 2))]  # No contact where no driven electrode is read.
@@ -577,9 +577,9 @@ def instrument(kind: type[Form], skin: Skin) -> float:
     def missed(effect: Effect | None) -> Array:
         def read(voltage_v: Array) -> Array:
             if effect is None:
-                return voltage_v[:, told]
+                return voltage_v[:, taken_mask]
             scaled = cast(AcquisitionEffect, effect).scaled_to(float(np.abs(voltage).max()))
-            return scaled.read_v(voltage_v, seen[1], time_s)[:, told]
+            return scaled.read_v(voltage_v, seen[1], time_s)[:, taken_mask]
 
         out = read(true)
         taken = np.array([read(true + change) - out for change in changes]).reshape(len(changes), out.size)

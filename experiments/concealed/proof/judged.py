@@ -120,11 +120,11 @@ class Judged:
         taxels = said.get("taxels") or {}
         if not self.where_known or "determined" not in taxels:
             return None
-        point, told = np.array(self.truth["point_m"]), np.array(taxels["determined"], bool)
-        if told.sum() < FEWEST_KNOWN:
+        point, known = np.array(self.truth["point_m"]), np.array(taxels["determined"], bool)
+        if known.sum() < FEWEST_KNOWN:
             return None
-        apart = np.linalg.norm(point[:, None] - np.array(taxels["point_m"], float)[told], axis=-1)
-        return apart.argmin(axis=0), np.array(taxels["value"], float)[told]
+        apart = np.linalg.norm(point[:, None] - np.array(taxels["point_m"], float)[known], axis=-1)
+        return apart.argmin(axis=0), np.array(taxels["value"], float)[known]
 
     @property
     def wrong_confident(self) -> list[str]:

@@ -79,7 +79,7 @@ def _line(sample: str, one: Ceiling) -> str:
 
 
 def _summary(kind: str, found: list[Ceiling]) -> str:
-    within, beyond = ([one for one in found if (one.best >= CORRELATION) is told] for told in (True, False))
+    within, beyond = ([one for one in found if (one.best >= CORRELATION) is reached] for reached in (True, False))
     right, lucky = (sum(one.case.all_found for one in some) for some in (within, beyond))
     said = f"{len(within)} reach {CORRELATION} at best, of which {right} are right"
     return f"{kind}: of {len(found)} fields {said}, {len(beyond)} don't, of which {lucky} are."

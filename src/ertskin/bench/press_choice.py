@@ -25,8 +25,8 @@ from ertskin.physics.touch.table import ResponseTable, TouchGrid
 Array = NDArray[np.float64]
 
 SPACING_M, FORCES = 0.005, 6
-"""Of the table that errors are foretold with: coarser than the one contacts are found with, for seconds count. With
-10 mm and 4 forces its splines' errors passed for the skin's: 3.1 N were foretold for six presses of `rig_a` that left
+"""Of the table that errors are predicted with: coarser than the one contacts are found with, for seconds count. With
+10 mm and 4 forces its splines' errors passed for the skin's: 3.1 N were predicted for six presses of `rig_a` that left
 0.2."""
 COMPONENTS = 96
 RESOLUTION = "fast"

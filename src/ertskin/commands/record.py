@@ -186,7 +186,7 @@ def _record_next(
     if so_far.frames is None and not _half_done(path):
         so_far = _measured_before(bench, header, console)
         if so_far.specimen is None:
-            raise UserError("plan=next foretells readings by the fabric's law: the rig needs specimen or specimen_run")
+            raise UserError("plan=next predicts readings by the fabric's law: the rig needs specimen or specimen_run")
     while True:
         resumed = half_done_plan(path) if _half_done(path) else None
         plan = resumed or asks.next(so_far, rig.sensor, path.name, _saying(console))

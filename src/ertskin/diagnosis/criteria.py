@@ -103,7 +103,7 @@ class Criteria:
         "ratio of rms misfits",
         "factor by which the misfit of a few frames, or of cells held out, may grow by chance: a term whose frames, "
         "solved in full, fit worse doesn't hold, nor does what follows a search begun anew where cells held out are "
-        "foretold worse; a coupon's effect is needed where later cycles are predicted worse without it",
+        "predicted worse; a coupon's effect is needed where later cycles are predicted worse without it",
         f"{UNMEASURED}; half of the mismatch ratio's excess",
         least=1,
     )

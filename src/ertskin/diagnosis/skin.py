@@ -30,8 +30,8 @@ from ertskin.diagnosis.recording.evidence import CannotTell, Evidence, gather
 from ertskin.diagnosis.recording.split import FEW, MANY, all_fitted, fitted_and_held, folds_of
 from ertskin.diagnosis.rest.baseline import Baseline, calibrated
 from ertskin.diagnosis.search.chosen import Selection
-from ertskin.diagnosis.search.foretold import that_foretells
 from ertskin.diagnosis.search.form_error import form_error
+from ertskin.diagnosis.search.predictive_check import that_predicts
 from ertskin.diagnosis.search.selection import Report, select, selected_again
 from ertskin.diagnosis.search.trials import rms_of
 from ertskin.hardware.recording import Recording
@@ -154,7 +154,7 @@ def _fitted_to(
 
     if any(term.modes is not None for term in selection.after.terms):
         partitions = _partitions(folds_of(evidence.history.press[rows], FOLDS))
-        return that_foretells(selected_again(selection, build, partitions, _silent), partitions)
+        return that_predicts(selected_again(selection, build, partitions, _silent), partitions)
     checked = settled(build, selection.after)
     problem, after = exact(checked.problem, checked.solved)
     return replace(selection, after=after, problem=problem)
@@ -209,7 +209,7 @@ def _selected(
     partitions = _partitions(folds_of(evidence.history.press[fitted], FOLDS))
     found = selector(build, fixed, begun or _shown(evidence, baseline), start, partitions, report)
     # Another way to choose answers for what it chooses itself.
-    return that_foretells(found, partitions) if selector is select else found
+    return that_predicts(found, partitions) if selector is select else found
 
 
 def _shown(evidence: Evidence, baseline: Baseline) -> Shown:

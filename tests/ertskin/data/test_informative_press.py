@@ -33,12 +33,12 @@ def design() -> PressDesign:
 
 
 def test_what_a_press_more_is_expected_to_gain_is_what_it_gains_once_made(design: PressDesign) -> None:
-    foretold = design.accuracies(PLACES[[7]], FORCES)[0]
+    predicted = design.accuracies(PLACES[[7]], FORCES)[0]
     made = PressDesign(design.table, *pressed(PLACES[[0, 4, 7]]), largest_n=5.0)
     made.processes = design.processes
-    assert made.accuracy().force_n == pytest.approx(foretold.force_n, rel=1e-6)
-    assert made.accuracy().location_m == pytest.approx(foretold.location_m, rel=1e-6)
-    assert foretold.cost(WANTED) < design.accuracy().cost(WANTED)
+    assert made.accuracy().force_n == pytest.approx(predicted.force_n, rel=1e-6)
+    assert made.accuracy().location_m == pytest.approx(predicted.location_m, rel=1e-6)
+    assert predicted.cost(WANTED) < design.accuracy().cost(WANTED)
 
 
 def test_the_next_press_is_away_from_those_before(design: PressDesign) -> None:

@@ -109,7 +109,7 @@ class Tried:
 class Claim:
     """One named effect. ``ratio_alone``: rms over noise that it by itself would make, held out.
 
-    ``confidence`` is that of its name and, of a field that foretells presses, of a map that does;
+    ``confidence`` is that of its name and, of a field that predicts presses, of a map that does;
     ``name_confidence`` that of the name alone where it is another.
     ``rivals``: what else was fitted in its stead; ``reasons`` for the confidence, in the order in which they count.
     ``quantities`` mean the same in any form of the effect; ``field_map`` is of an effect that has a

@@ -1,4 +1,4 @@
-"""How well cells held out are foretold: one Newton step on all the others."""
+"""How well cells held out are predicted: one Newton step on all the others."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ SCALED = 0.7
 def held_out(solved: Solved, partitions: Sequence[Sequence[int]]) -> Array:
     """(len(partitions),) half chi-square of each held-out set of cells after one Newton step on all the others.
 
-    None is foretold better than it is fitted: a step promises too much where the fit has not come to rest. Where such a
-    step would take a term beyond ``REACH``, the other cells don't tell it (a spot that one press alone has met): as far
-    as they don't, it is taken not to be there.
+    None is predicted better than it is fitted: a step promises too much where the fit has not come to rest. Where such
+    a step would take a term beyond ``REACH``, the other cells don't tell it (a spot that one press alone has met): as
+    far as they don't, it is taken not to be there.
     """
     quadratic = solved.fit.quadratic
     cells = np.arange(len(quadratic.cost))

@@ -1,4 +1,4 @@
-"""What terms foretell of cells held out, each predicted by a whole fit of the same terms to all the others."""
+"""What terms predict of cells held out, each predicted by a whole fit of the same terms to all the others."""
 
 from __future__ import annotations
 

@@ -118,8 +118,8 @@ def descend(
 class _SecondOrder:
     """The part (n,n) of a cost's Hessian that Gauss-Newton leaves out, as secants tell it.
 
-    ``leads``: whether the model augmented by it foretold the last step's gain better than Gauss-Newton's, and makes the
-    next step.
+    ``leads``: whether the model augmented by it predicted the last step's gain better than Gauss-Newton's, and makes
+    the next step.
     """
 
     part: Array

@@ -20,7 +20,7 @@ SIZES = 2.0 ** np.arange(-3, 6)
 
 @dataclass(frozen=True, eq=False)
 class Remainder:
-    """Forces nobody can foretell: ``design`` (n,k) times standard normal numbers, in units of the noise, white noise
+    """Forces nobody can predict: ``design`` (n,k) times standard normal numbers, in units of the noise, white noise
     beside them."""
 
     name: str

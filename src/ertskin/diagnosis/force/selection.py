@@ -1,4 +1,4 @@
-"""Which effects the load cell shows: sets compared by how well presses held out are foretold."""
+"""Which effects the load cell shows: sets compared by how well presses held out are predicted."""
 
 from __future__ import annotations
 

@@ -101,7 +101,7 @@ def left_beyond(claims: Sequence[Claim], before: float, after: float, criteria: 
 def of_maps(claims: Sequence[Claim]) -> list[Claim]:
     """A field is right only where its map is: its confidence is that of fields as sure, a power of it.
 
-    What is told place by place foretells nothing, and is right where the places are.
+    What is told place by place predicts nothing, and is right where the places are.
     """
     foretelling = [claim.effect.hypothesis.field and not claim.by_place for claim in claims]
     return [

@@ -64,7 +64,7 @@ def smooth_part(effect: Effect, selection: Selection) -> SmoothPart | None:
     """The smooth field of an effect that presses alone show, by its values where something has pressed; None of another
     field, and where such places are too few.
 
-    Of forty covariances one, of lines in some direction say, may foretell a few presses by luck, and leaves no doubt of
+    Of forty covariances one, of lines in some direction say, may predict a few presses by luck, and leaves no doubt of
     other places: three maps of eight places pressed were all but sure so, and wrong (c019, c094 of `nineteenth96`, c037
     of `eighteenth48`).
     """

@@ -94,7 +94,7 @@ def with_fields_by_place(
 ) -> tuple[tuple[Chosen, ...], CheckedFit]:
     """The terms chosen, fields with how well places by themselves tell of them.
 
-    The first one that foretells little and fits no better, or that foretells worse than nothing, is told so, last of
+    The first one that predicts little and fits no better, or that predicts worse than nothing, is told so, last of
     the terms.
     """
     fits = fields_by_place(build, incumbent, len(incumbent.solved.terms) - len(chosen))

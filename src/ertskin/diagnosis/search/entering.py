@@ -1,4 +1,4 @@
-"""Which of the trials enters: the first that holds where it settles, in the form that foretells best."""
+"""Which of the trials enters: the first that holds where it settles, in the form that predicts best."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ ALIKE = 0.5
 FORMS = 2
 """How many forms of one effect are settled."""
 AS_GOOD = 0.9
-"""Part of what the form that fits best explains, from which on another one may be the better by what it foretells."""
+"""Part of what the form that fits best explains, from which on another one may be the better by what it predicts."""
 
 
 def likely(trials: Sequence[Trial], criteria: Criteria) -> list[Trial]:
@@ -47,7 +47,7 @@ def first_to_hold(
 
     Of forms of one name that gain about as much the best where they settle, with the first one's gain: what a fit in
     the skin linearised elsewhere gains doesn't tell between them. Of smooth fields of two properties that do the one
-    with which cells held out are foretold better, significantly, by whole fits.
+    with which cells held out are predicted better, significantly, by whole fits.
     """
     left = list(trials)
     while left:
@@ -98,7 +98,7 @@ def _where_it_holds(
 def _best_form(
     incumbent: CheckedFit, forms: Sequence[tuple[Trial, CheckedFit]], partitions: Sequence[Sequence[int]]
 ) -> tuple[Trial, CheckedFit]:
-    """The form that fits best; with a field among those that explain nearly as much, the one that foretells cells best.
+    """The form that fits best; with a field among those that explain nearly as much, the one that predicts cells best.
 
     A freer field fits the presses at hand better and runs on between them: on twelve presses of `rig_a` one of 65
     numbers fitted to 1.06 of the noise and missed presses elsewhere by 3.28, one of ten to 1.08 and 1.14.

@@ -56,7 +56,7 @@ def form_error(
 ) -> FormError:
     """The error of the likeliest spread, to first order about a fit, of its ``effects``; none where it doesn't gain.
 
-    No cells gain more held out than they change by when fitted: those that a fit foretells wildly, for few others tell
+    No cells gain more held out than they change by when fitted: those that a fit predicts wildly, for few others tell
     of it (a spot that one press has met), would gain by whatever moves it.
     """
     forms = _other_forms(problem, effects)

@@ -18,7 +18,7 @@ def gained(without: Solved, present: Solved, partitions: Sequence[Sequence[int]]
     gain or lose more than the fit itself, and all of them no more than that less what its freedom costs: a smooth field
     predicts what any sharp cause does to the presses at hand, a displaced pad, say, as well as that cause does. What
     explains most of the misfit gains just that, however badly the cells predict one another with it: that isn't owed to
-    too free a form. Cells can't foretell a field told place by place, which gains its evidence.
+    too free a form. Cells can't predict a field told place by place, which gains its evidence.
     """
     fitted_gain = np.array([_cost(without, out) - _cost(present, out) for out in partitions])
     predicted = held_out(without, partitions) - held_out(present, partitions)

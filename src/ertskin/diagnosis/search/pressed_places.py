@@ -1,4 +1,4 @@
-"""A field told place by place: what presses show where one place doesn't foretell another.
+"""A field told place by place: what presses show where one place doesn't predict another.
 
 Of lots sewn together, wrinkles or a stain narrower than presses are apart nothing can be predicted where nothing has
 pressed, so cells held out have no say. But one number for every pressed place explains its presses at every load; where

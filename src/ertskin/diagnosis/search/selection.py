@@ -87,7 +87,7 @@ def select(
 def selected_again(
     selection: Selection, build: Problem, partitions: Sequence[Sequence[int]], report: Report
 ) -> Selection:
-    """The selection's terms fitted to the frames of ``build``: fields spread otherwise where that foretells better,
+    """The selection's terms fitted to the frames of ``build``: fields spread otherwise where that predicts better,
     those told place by place are told by these frames' places, and what these frames don't show goes.
 
     Raises ``MeshError`` where there is no such sheet.
@@ -359,19 +359,19 @@ class _Search:
         self, other: _Search, begun: CheckedFit, incumbent: CheckedFit, least: float
     ) -> tuple[tuple[Chosen, ...], CheckedFit] | None:
         """All that follows from where another search has begun, gone on with where that is likelier than the incumbent
-        by more than the ``least`` and foretells cells held out no worse; None where it comes to nothing."""
+        by more than the ``least`` and predicts cells held out no worse; None where it comes to nothing."""
         chosen, reached = other.pruned(other.grown(begun))
         gain = gain_of_exchange(incumbent, reached)
         other.tried.append(Tried(tuple(term.name for term in reached.solved.terms), gain, True))
         holds = gain > least and not reached.spoils(incumbent) and other.disagrees == self.disagrees
-        if holds and not self._foretells_worse(reached, incumbent):
+        if holds and not self._predicts_worse(reached, incumbent):
             self._go_on_as(other)
             return chosen, reached
         self._came_to_nothing(other)
         return None
 
-    def _foretells_worse(self, reached: CheckedFit, incumbent: CheckedFit) -> bool:
-        """Whether cells held out are foretold worse than by the incumbent by more than chance makes of frames; unasked
+    def _predicts_worse(self, reached: CheckedFit, incumbent: CheckedFit) -> bool:
+        """Whether cells held out are predicted worse than by the incumbent by more than chance makes of frames; unasked
         where either has a field told place by place, of which they can't know.
 
         What fits likelier may run wild where nothing was fitted: contacts under pressure beside lots of sensitivity

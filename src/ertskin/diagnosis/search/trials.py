@@ -77,7 +77,7 @@ def trials_of(
 def unforeseen(
     problem: VoltageProblem, current: Solved, found: Sequence[Candidate], partitions: Sequence[Sequence[int]]
 ) -> list[Trial]:
-    """Effects screened as a whole of which that foretells harm, fitted from all their starts, best first; none where
+    """Effects screened as a whole of which that predicts harm, fitted from all their starts, best first; none where
     little is left.
 
     A contact whose conductance a press multiplies is so far from a contact without that a first order says nothing. One

@@ -45,8 +45,8 @@ def test_a_cell_that_others_tell_about_is_predicted_by_a_whole_newton_step() -> 
     assert found == pytest.approx([0.5 + 0.5 * 1.5**2, 0.5 + 0.5 * 3.0**2, 0.5 + 0.5 * 1.5**2])
 
 
-def test_a_number_at_its_bound_is_not_foretold_beyond_it() -> None:
-    """Creep at its largest share was foretold with more of it than any fit may have: 57000 where 41000 were left."""
+def test_a_number_at_its_bound_is_not_predicted_beyond_it() -> None:
+    """Creep at its largest share was predicted with more of it than any fit may have: 57000 where 41000 were left."""
     free = fitted([1e4, 1e4, 1e4], [1.0, 1.0, -2.0])
     at_bound = replace(free, fit=replace(free.fit, region=Region(np.array([0.0]), np.array([0.1]))))
     # Without the last cell the others would step up, and it would be missed by as much more.
@@ -154,7 +154,7 @@ def test_beside_an_instrument_that_does_not_hold_less_likely_names_and_places_re
     assert settled == ["wild"]
 
 
-def test_nothing_is_foretold_better_than_it_is_fitted() -> None:
+def test_nothing_is_predicted_better_than_it_is_fitted() -> None:
     # Pulls that do not cancel: the fit has not come to rest, and a step would take all of them away.
     solved = fitted([10.0, 10.0], [0.5, 0.5])
     assert held_out(solved, [[0], [1]]) == pytest.approx(solved.fit.quadratic.cost)
@@ -218,16 +218,16 @@ def test_of_forms_that_gain_alike_the_one_that_fits_best_where_it_settles(
     assert found[0].gain == 50.0
 
 
-@pytest.mark.parametrize(("foretold", "misfit", "best"), [(5.0, 1.5, "few"), (30.0, 1.5, "free"), (5.0, 2.2, "free")])
-def test_of_forms_of_a_field_that_explain_alike_the_one_that_foretells_cells_best(
-    foretold: float, misfit: float, best: str, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(("predicted", "misfit", "best"), [(5.0, 1.5, "few"), (30.0, 1.5, "free"), (5.0, 2.2, "free")])
+def test_of_forms_of_a_field_that_explain_alike_the_one_that_predicts_cells_best(
+    predicted: float, misfit: float, best: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     settle = {
         name: CheckedFit(PROBLEM, name, rms, 0.0)  # type: ignore[arg-type]
         for name, rms in (("free", 1.4), ("few", misfit))
     }
     monkeypatch.setattr(settling, "settled", lambda build, solved: settle[solved])
-    costs = {"free": 20.0, "few": foretold}
+    costs = {"free": 20.0, "few": predicted}
     monkeypatch.setattr(entering, "_foretelling", lambda fit, partitions: costs[fit.solved])
     incumbent = CheckedFit(PROBLEM, None, 3.0, 0.0)  # type: ignore[arg-type]
     trials = [trial("free", "field", 50.0, modes="many"), trial("few", "field", 45.0)]

@@ -62,7 +62,7 @@ def test_presses_that_do_not_repeat_speak_against_names_of_places_alone() -> Non
 
 
 def test_a_field_that_places_tell_of_is_as_sure_as_they_make_it() -> None:
-    """Half of the rms is foretold, and one number for every place leaves next to nothing of the presses fitted."""
+    """Half of the rms is predicted, and one number for every place leaves next to nothing of the presses fitted."""
     field = claim(PiezoInhomogeneity(amplitude=0.3), 3.0)
     (foretelling,) = left_over([field], 3.0, 1.6, DEFAULT, None, 1.6)
     (told,) = left_over([replace(field, misfits_by_place=(3.0, 1.06))], 3.0, 1.6, DEFAULT, None, 1.6)
@@ -73,14 +73,14 @@ def test_a_field_that_places_tell_of_is_as_sure_as_they_make_it() -> None:
     assert of_maps([told]) == [told]
 
 
-def test_a_map_that_foretells_is_kept() -> None:
+def test_a_map_that_predicts_is_kept() -> None:
     field = replace(claim(PiezoInhomogeneity(amplitude=0.3), 3.0), misfits_by_place=(3.0, 1.5))
     (found,) = left_over([field], 3.0, 1.04, DEFAULT, None, 1.04)
     assert not found.by_place
     assert found.confidence == 0.95
 
 
-def test_a_field_answers_for_presses_that_nobody_could_foretell() -> None:
+def test_a_field_answers_for_presses_that_nobody_could_predict() -> None:
     claims = [claim(PiezoInhomogeneity(amplitude=0.1), 2.0), claim(PiezoHysteresis(width=0.1), 2.0)]
     field, other = left_over(claims, 3.0, 1.0, DEFAULT, of_fields=2.236)
     assert field.confidence == pytest.approx(0.95 * 0.302, abs=0.01)

@@ -33,7 +33,7 @@ def evidence(force_n: np.ndarray) -> Any:
 
 
 def fitted(force_n: np.ndarray, noise_n: float) -> Any:
-    """A force stage that foretells the true forces."""
+    """A force stage that predicts the true forces."""
     residual = (force_n - TRUE_N) / noise_n
     return SimpleNamespace(residual=residual, chi_square=float(np.nansum(residual**2)), force_n=TRUE_N)
 

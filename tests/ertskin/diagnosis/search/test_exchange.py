@@ -62,7 +62,7 @@ def test_the_wrong_memory_doesn_t_take_the_right_one_s_place(hidden: Effect, wro
     assert swapped(*both_ways(hidden, hidden, wrong)) is None
 
 
-def test_what_a_fit_loses_without_a_term_is_foretold() -> None:
+def test_what_a_fit_loses_without_a_term_is_predicted() -> None:
     incumbent, (trial,), _ = both_ways(LOOP, LOOP, CREEP)
     for k, term in enumerate(trial.solved.terms):
         rest = [one for one in trial.solved.terms if one is not term]

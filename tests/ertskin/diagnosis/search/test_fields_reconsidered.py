@@ -177,7 +177,7 @@ def test_what_a_field_hides_enters_before_it(then: tuple[NamedTerm, ...], monkey
     found, search = with_what_is_hidden(fit_of(FIELD), monkeypatch, then=then)
     assert found == ["self_heating", *(term.name for term in then)]
     assert search.tried[-1] == Tried(tuple(found), 900.0, True)
-    # Cells are foretold worse by no more than chance may make of frames.
+    # Cells are predicted worse by no more than chance may make of frames.
     nearly = 990 * np.log(DEFAULT.chance_ratio)
     assert with_what_is_hidden(fit_of(FIELD), monkeypatch, then=then, worse=nearly)[0] == found
 
@@ -197,7 +197,7 @@ def test_cells_are_not_asked_of_a_field_told_place_by_place(monkeypatch: pytest.
         {"worse": 1010 * np.log(DEFAULT.chance_ratio)},
         {"worse": np.nan},
     ],
-    ids=["worse", "no likelier", "without the specimen", "promises nothing", "foretells worse", "foretells nothing"],
+    ids=["worse", "no likelier", "without the specimen", "promises nothing", "predicts worse", "predicts nothing"],
 )
 def test_a_field_that_hides_nothing_stays(found: dict[str, Any], monkeypatch: pytest.MonkeyPatch) -> None:
     names, search = with_what_is_hidden(fit_of(FIELD), monkeypatch, **found)

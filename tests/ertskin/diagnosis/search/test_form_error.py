@@ -58,7 +58,7 @@ def rms(residual: np.ndarray) -> float:
     return float(np.sqrt((residual**2).mean()))
 
 
-def test_channels_that_differ_are_the_form_s_error_and_are_foretold() -> None:
+def test_channels_that_differ_are_the_form_s_error_and_are_predicted() -> None:
     problem, solved = fitted(SHARES)
     error = form_error(problem, solved, PARTITIONS, solved.effects)
     before, after = (rms(r) for r in (solved.scan_residual, solved.scan_residual - error.expected(problem, solved)))
@@ -85,8 +85,8 @@ def test_cells_that_few_others_tell_of_gain_wildly_when_held_out() -> None:
     wrong -= known * (known * wrong).sum() / (known**2).sum()
     columns = np.stack([known, beside], axis=-1)
     gradient, hessian = np.einsum("fnc,fn->fc", columns, wrong), np.einsum("fnc,fnd->fcd", columns, columns)
-    foretold, fitted, _ = held_out_gains(gradient, hessian, np.array([0.0, 1.0]), np.zeros(1), [[k] for k in range(4)])
-    assert foretold[0] > 1e3 * abs(fitted[0])
+    predicted, fitted, _ = held_out_gains(gradient, hessian, np.array([0.0, 1.0]), np.zeros(1), [[k] for k in range(4)])
+    assert predicted[0] > 1e3 * abs(fitted[0])
 
 
 def test_no_cells_gain_more_held_out_than_they_change_by_when_fitted(monkeypatch: pytest.MonkeyPatch) -> None:

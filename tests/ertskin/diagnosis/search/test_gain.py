@@ -1,4 +1,4 @@
-"""What a fit gains over another where cells foretell one another, and where they can't."""
+"""What a fit gains over another where cells predict one another, and where they can't."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def fit(cost: list[float], terms: tuple[Term, ...] = (), hessian: np.ndarray | N
     return Solved(None, terms, Fit(np.zeros(size), quadratic, np.eye(size), 1), np.zeros((1, 1)))  # type: ignore[arg-type]
 
 
-def foretold(monkeypatch: pytest.MonkeyPatch, without: Solved, costs: tuple[list[float], list[float]]) -> None:
+def predicted(monkeypatch: pytest.MonkeyPatch, without: Solved, costs: tuple[list[float], list[float]]) -> None:
     monkeypatch.setattr(
         gain, "held_out", lambda solved, partitions: np.array(costs[0] if solved is without else costs[1])
     )
@@ -30,13 +30,13 @@ def foretold(monkeypatch: pytest.MonkeyPatch, without: Solved, costs: tuple[list
 
 def test_no_prediction_gains_or_loses_more_than_the_fit(monkeypatch: pytest.MonkeyPatch) -> None:
     without, present = fit([100.0, 100.0, 100.0]), fit([90.0, 80.0, 95.0])
-    foretold(monkeypatch, without, ([500.0, 100.0, 100.0], [100.0, 900.0, 97.0]))
+    predicted(monkeypatch, without, ([500.0, 100.0, 100.0], [100.0, 900.0, 97.0]))
     assert gain.gained(without, present, [[0], [1], [2]], DEFAULT) == pytest.approx(10.0 - 20.0 + 3.0)
 
 
 def test_what_halves_the_misfit_gains_that_however_wild_its_predictions(monkeypatch: pytest.MonkeyPatch) -> None:
     without, present = fit([100.0, 100.0]), fit([10.0, 10.0])
-    foretold(monkeypatch, without, ([100.0, 100.0], [1e6, 20.0]))
+    predicted(monkeypatch, without, ([100.0, 100.0], [1e6, 20.0]))
     assert gain.gained(without, present, [[0], [1]], DEFAULT) == pytest.approx(180.0)
 
 
@@ -50,19 +50,19 @@ def test_a_smooth_field_pays_for_its_freedom() -> None:
 
 
 def test_a_smooth_field_gains_no_more_than_its_evidence(monkeypatch: pytest.MonkeyPatch) -> None:
-    """It may foretell cells as well as two numbers do, and has a hundred."""
+    """It may predict cells as well as two numbers do, and has a hundred."""
     curved = np.zeros((3, 3, 3))
     curved[0] = np.diag([7.0, 3.0, 15.0])
     without = fit([100.0, 100.0])
     present = fit([80.0, 80.0], (Term(SheetInhomogeneity(), (), Modes(np.zeros((2, 2, 2))), (1.0, -2.0)),), curved)
-    foretold(monkeypatch, without, ([100.0, 100.0], [80.0, 80.0]))
+    predicted(monkeypatch, without, ([100.0, 100.0], [80.0, 80.0]))
     assert gain.gained(without, present, [[0], [1]], DEFAULT) == pytest.approx(40.0 - gain.freedom(present))
 
 
-def test_a_field_told_by_place_gains_its_evidence_whatever_cells_foretell(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_field_told_by_place_gains_its_evidence_whatever_cells_predict(monkeypatch: pytest.MonkeyPatch) -> None:
     curved = np.zeros((3, 2, 2))
     curved[0] = np.diag([7.0, 3.0])
     by_place = Term(SheetInhomogeneity(), (), Modes(np.zeros((1, 2, 2)), by_place=True), (1.0,))
     without, present = fit([100.0, 100.0]), fit([80.0, 80.0], (by_place,), curved)
-    foretold(monkeypatch, without, ([100.0, 100.0], [1e6, 1e6]))
+    predicted(monkeypatch, without, ([100.0, 100.0], [1e6, 1e6]))
     assert gain.gained(without, present, [[0], [1]], DEFAULT) == pytest.approx(40.0 - gain.freedom(present))

@@ -1,4 +1,4 @@
-"""Of smooth fields that explain presses alike the property is told by what they foretell, not by which entered."""
+"""Of smooth fields that explain presses alike the property is told by what they predict, not by which entered."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def fields() -> tuple[VoltageProblem, CheckedFit, dict[str, Trial]]:
         # Nothing is fitted of a field of which more is asked than it is expected to gain.
         assert with_smooth_field(problem, begun, 0, PARTITIONS, least=1e9) is None
         trials[kind.name] = Trial(solved.terms[0], GAIN, solved)
-    # Neither is to spoil the few frames that are solved in full: what decides is what they foretell.
+    # Neither is to spoil the few frames that are solved in full: what decides is what they predict.
     return problem, replace(checked_fit(problem, without), misfit=1e6), trials
 
 
@@ -60,7 +60,7 @@ def entered(
 
 
 @pytest.mark.parametrize("first", [SHEET.name, FABRIC.name])
-def test_the_property_that_foretells_cells_enters(first: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_property_that_predicts_cells_enters(first: str, monkeypatch: pytest.MonkeyPatch) -> None:
     problem, incumbent, trials = fields()
     ordered = sorted(trials.values(), key=lambda trial: trial.term.name != first)
     found = entered(ordered, problem, incumbent, monkeypatch)

@@ -129,7 +129,7 @@ def test_it_is_tried_and_left_where_it_is_not_likelier(
     assert [one.kept for one in search.tried] == [False]
 
 
-def test_it_is_left_where_cells_held_out_are_foretold_worse(
+def test_it_is_left_where_cells_held_out_are_predicted_worse(
     search: selection._Search, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(

@@ -1,4 +1,4 @@
-"""A field that no place foretells of another is told by the places that were pressed, and by these alone."""
+"""A field that no place predicts of another is told by the places that were pressed, and by these alone."""
 
 from __future__ import annotations
 
@@ -90,7 +90,7 @@ def test_of_what_is_named_a_field_alone_is_told_by_place_as_well() -> None:
     assert len(fields_by_place(lambda solved: problem, fit, 1)) == 1
 
 
-def test_cells_tell_whether_a_field_foretells() -> None:
+def test_cells_tell_whether_a_field_predicts() -> None:
     hill = PiezoInhomogeneity(amplitude=0.05, x_m=0.025, y_m=0.025, radius_m=0.02)
     problem = recorded(hill)
     spot = Term(replace(hill, amplitude=0.03), ("amplitude",))

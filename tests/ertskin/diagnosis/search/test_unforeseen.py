@@ -1,4 +1,4 @@
-"""Effects so large that a first order foretells harm are fitted all the same."""
+"""Effects so large that a first order predicts harm are fitted all the same."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def foreseen(gain: float) -> list[Candidate]:
     return [Candidate(Term(CONTACT, ("sensitivity_per_pa", "bend")), gain)]
 
 
-def test_a_contact_that_the_tangent_foretells_harm_of_is_fitted() -> None:
+def test_a_contact_that_the_tangent_predicts_harm_of_is_fitted() -> None:
     problem = recorded(CONTACT)
     current = problem.solve([], START)
     trials = unforeseen(problem, current, foreseen(-1e9), PARTITIONS)

@@ -30,20 +30,20 @@ def _by_a_step(problem: VoltageProblem, solved: Solved, partitions: Sequence[Seq
     return scans_by_part(problem, solved, partitions) + change
 
 
-def _without_what_foretells_nothing(problem: VoltageProblem, solved: Solved) -> Solved:
+def _without_what_predicts_nothing(problem: VoltageProblem, solved: Solved) -> Solved:
     """The fit without fields told place by place, of which places held out are to know nothing."""
     rest = [term for term in solved.terms if not term.by_place]
     return solved if len(rest) == len(solved.terms) else problem.solve(rest, solved.calibration)
 
 
-def that_foretells(selection: Selection, partitions: Sequence[Sequence[int]]) -> Selection:
+def that_predicts(selection: Selection, partitions: Sequence[Sequence[int]]) -> Selection:
     """The selection; without its terms where cells held out are predicted worse with them than without.
 
     A step from the fit, which costs nothing, is asked first: as good as the fit without the terms is to all cells, no
     prediction without them can be.
     """
     problem, before = selection.problem, selection.before
-    after = _without_what_foretells_nothing(problem, selection.after)
+    after = _without_what_predicts_nothing(problem, selection.after)
     numbers = numbers_of(problem, partitions)
     allowed = numbers.sum() * np.log(problem.evidence.criteria.mismatch_ratio)
     fitted = scans_by_part(problem, before, partitions)

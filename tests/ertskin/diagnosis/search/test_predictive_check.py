@@ -1,4 +1,4 @@
-"""Terms that spoil cells held out go, by fits of all the other cells; those that foretell them stay."""
+"""Terms that spoil cells held out go, by fits of all the other cells; those that predict them stay."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ import pytest
 
 from ertskin.diagnosis.criteria import DEFAULT
 from ertskin.diagnosis.fit.cross_validation import log_misfit, refitted
-from ertskin.diagnosis.search import foretold
+from ertskin.diagnosis.search import predictive_check
 from ertskin.diagnosis.search.chosen import Selection
-from ertskin.diagnosis.search.foretold import that_foretells
+from ertskin.diagnosis.search.predictive_check import that_predicts
 
 PLACE = np.linspace(-1, 1, 12)
 PARTITIONS = [[k] for k in range(6)]
@@ -49,10 +49,10 @@ def powers(count: int, by_place: int = 0) -> list[Any]:
 
 def chosen_of(monkeypatch: pytest.MonkeyPatch, reading: np.ndarray, order: int, by_place: int = 0) -> Selection:
     problem = Line(reading)
-    monkeypatch.setattr(foretold, "held_out", lambda solved, partitions: np.full(6, np.inf))
+    monkeypatch.setattr(predictive_check, "held_out", lambda solved, partitions: np.full(6, np.inf))
     before, after = problem.solve(powers(1), None), problem.solve(powers(order, by_place), None)
     selection = Selection(before, after, ("a term",), problem, ())  # type: ignore[arg-type]
-    return that_foretells(selection, PARTITIONS)
+    return that_predicts(selection, PARTITIONS)
 
 
 def noise() -> np.ndarray:
@@ -92,24 +92,24 @@ def test_terms_that_spoil_go_though_they_fit_better(monkeypatch: pytest.MonkeyPa
     assert left.after is left.before
 
 
-def test_what_is_told_place_by_place_has_no_cells_to_foretell(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_is_told_place_by_place_has_no_cells_to_predict(monkeypatch: pytest.MonkeyPatch) -> None:
     assert chosen_of(monkeypatch, noise(), 9, by_place=8).chosen
     assert not chosen_of(monkeypatch, noise(), 9, by_place=1).chosen
 
 
-def test_what_a_step_from_the_fit_foretells_well_enough_is_fitted_no_further(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_a_step_from_the_fit_predicts_well_enough_is_fitted_no_further(monkeypatch: pytest.MonkeyPatch) -> None:
     problem = Line(20 * PLACE + noise())
     selection = Selection(problem.solve(powers(1), None), problem.solve(powers(2), None), ("a term",), problem, ())  # type: ignore[arg-type]
-    monkeypatch.setattr(foretold, "held_out", lambda solved, partitions: np.ones(6))
-    monkeypatch.setattr(foretold, "refitted", lambda *given: pytest.fail("fitted"))
-    assert that_foretells(selection, PARTITIONS) is selection
+    monkeypatch.setattr(predictive_check, "held_out", lambda solved, partitions: np.ones(6))
+    monkeypatch.setattr(predictive_check, "refitted", lambda *given: pytest.fail("fitted"))
+    assert that_predicts(selection, PARTITIONS) is selection
 
 
-def test_what_no_network_explains_has_no_part_in_what_a_step_foretells(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_no_network_explains_has_no_part_in_what_a_step_predicts(monkeypatch: pytest.MonkeyPatch) -> None:
     problem = Line(20 * PLACE + noise())
     before, after = problem.solve(powers(1), None), problem.solve(powers(2), None)
     after.fit.quadratic.cost += 1e4
     selection = Selection(before, after, ("a term",), problem, ())  # type: ignore[arg-type]
-    monkeypatch.setattr(foretold, "held_out", lambda solved, partitions: np.full(6, 1e4 + 1.0))
-    monkeypatch.setattr(foretold, "refitted", lambda *given: pytest.fail("fitted"))
-    assert that_foretells(selection, PARTITIONS) is selection
+    monkeypatch.setattr(predictive_check, "held_out", lambda solved, partitions: np.full(6, 1e4 + 1.0))
+    monkeypatch.setattr(predictive_check, "refitted", lambda *given: pytest.fail("fitted"))
+    assert that_predicts(selection, PARTITIONS) is selection
