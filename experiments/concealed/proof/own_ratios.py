@@ -18,13 +18,14 @@ for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
 import seals  # noqa: E402
 from generator.strength import Ratio, Ruler  # noqa: E402
 from record import made, skin_of  # noqa: E402
-from suite import families, suite  # noqa: E402
+from suite import suite  # noqa: E402
 
 
 def measured(results: Path, name: str) -> Iterator[tuple[str, str, Ratio, Ratio]]:
     """(case, form, ratio as sealed, ratio now) of every effect of this name in an opened sample."""
     opened = seals.read_json(results / "opened.json.xz")
-    for case in suite(bytes.fromhex(opened["secret"]), families(False)):
+    chosen = seals.read_json(results / "commitments.json")["suite"]["families"]
+    for case in suite(bytes.fromhex(opened["secret"]), chosen):
         truth = opened["cases"].get(case.name, {"truth": {"effects": []}})["truth"]
         for hidden, one in zip(case.hidden, truth["effects"], strict=False):
             if one["name"] == name:
