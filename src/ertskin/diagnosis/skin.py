@@ -28,6 +28,7 @@ from ertskin.diagnosis.linear.calibration_vector import SHAPE, Calibration, Skin
 from ertskin.diagnosis.linear.linear_skin import LinearSkin
 from ertskin.diagnosis.recording.evidence import CannotTell, Evidence, gather
 from ertskin.diagnosis.recording.split import FEW, MANY, all_fitted, fitted_and_held, folds_of
+from ertskin.diagnosis.recording.work import Work
 from ertskin.diagnosis.rest.baseline import Baseline, calibrated
 from ertskin.diagnosis.search.chosen import Selection
 from ertskin.diagnosis.search.form_error import form_error
@@ -109,7 +110,17 @@ def _diagnose(
     report(0.92, "looking for the press that would settle what is in doubt")
     press = settling_press(evidence, skin, baseline.force_noise.rms_n, findings.diagnosis.claims)
     findings = replace(findings, diagnosis=replace(findings.diagnosis, next_press=press))
-    return _for_simulation(findings, evidence, baseline, family, selection, selector, report)
+    if not evidence.work.has_ended:
+        findings = _for_simulation(findings, evidence, baseline, family, selection, selector, report)
+    return _with_its_end(findings, evidence.work)
+
+
+def _with_its_end(findings: Findings, work: Work) -> Findings:
+    """The findings, which say so where a search was cut short."""
+    if not work.has_ended:
+        return findings
+    said = "the search was ended, for it had computed as much as one may: more may be missing than is named"
+    return replace(findings, diagnosis=_saying(findings.diagnosis, said))
 
 
 def _for_simulation(

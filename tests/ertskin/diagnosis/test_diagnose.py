@@ -25,6 +25,7 @@ from ertskin.diagnosis.contract.claims import Claim, Diagnosis, HeldOut
 from ertskin.diagnosis.criteria import DEFAULT, Criteria
 from ertskin.diagnosis.judge.result import Findings
 from ertskin.diagnosis.output.joint_calibration import joint_calibration, write_joint_calibration
+from ertskin.diagnosis.recording.work import Work
 from ertskin.diagnosis.search.chosen import Selection
 from ertskin.hardware.recording import Recording, read_recording
 from ertskin.hardware.virtual.bench import FAST, write_bench
@@ -115,6 +116,15 @@ def handed_on_of_all_presses(found: Findings, *, chosen_from_all: bool) -> None:
     np.testing.assert_array_equal(calibration.contact_resistance_ohm, found.whole.after.calibration.contact_ohm)
     assert (found.whole.chosen is found.selection.chosen) == (not chosen_from_all)
     assert found.diagnosis.as_builtins()["of_all_presses"] == [effect.name for effect in found.diagnosis.effects]
+
+
+@pytest.mark.parametrize("ended", [False, True])
+def test_a_search_cut_short_says_so(ended: bool) -> None:
+    found = Findings(Diagnosis("some.h5", "unexplained", HeldOut("split", 1e-3, 3.0, 3.0, 0.0), reason="something"))
+    said = skin._with_its_end(found, Work(has_ended=ended)).diagnosis.reason
+    assert said is not None
+    assert said.startswith("something; the search was ended") == ended
+    assert (said == "something") == (not ended)
 
 
 def test_few_presses_that_can_not_be_fitted_together_hand_on_what_was_claimed() -> None:

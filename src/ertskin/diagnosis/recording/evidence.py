@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ertskin.diagnosis.criteria import DEFAULT, Criteria
 from ertskin.diagnosis.recording.repeating_channels import repeating
+from ertskin.diagnosis.recording.work import Work
 from ertskin.hardware.recording import Recording
 from ertskin.physics.history import History, Phase
 from ertskin.physics.protocol import Protocol
@@ -68,7 +69,7 @@ class Evidence:
     more; ``traces`` (T,P,m): orthonormal directions, or noughts, that say nothing: places pressed before and not
     recovered.
     ``criteria``: what is decided by, wherever the evidence goes. ``seen_at_rest``: name of the effect that rest frames
-    by themselves clearly show, if one.
+    by themselves clearly show, if one. ``work``: what fits to any frames of the recording have taken, counted together.
     """
 
     sensor: Sensor
@@ -87,6 +88,7 @@ class Evidence:
     criteria: Criteria = DEFAULT
     leftover_error: float = 0.0
     seen_at_rest: str | None = None
+    work: Work = field(default_factory=Work)
 
     def frames(self, rows: NDArray[np.intp]) -> Evidence:
         """The evidence of some frames."""

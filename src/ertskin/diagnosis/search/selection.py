@@ -135,6 +135,8 @@ class _Search:
         for turn in range(min(len(incumbent.solved.terms) - self.fixed, MOST_TERMS - 1), MOST_TERMS):
             text = f"looking for what is missing (residual {rms_of(incumbent.solved):.3f} of the noise)"
             self.report(0.2 + 0.1 * turn, text)
+            if turn and incumbent.problem.evidence.work.ends():
+                break
             proposed = self.one_more(incumbent)
             if proposed is None:
                 break
@@ -292,6 +294,8 @@ class _Search:
             return chosen, incumbent
         least = worth_a_name(incumbent.problem, incumbent.solved)
         for form in forms:
+            if incumbent.problem.evidence.work.ends():
+                break
             other = self._apart()
             begun = other._in_form(incumbent, form)
             if begun is None or not may_be_likelier(begun, incumbent, least, self.partitions):
@@ -322,6 +326,8 @@ class _Search:
         that explains all the rest: a pad out of place on a sheet that warms was one of a hundred modes.
         """
         for number in range(self.fixed, len(incumbent.solved.terms) - 1):
+            if incumbent.problem.evidence.work.ends():
+                break
             other = self._apart()
             proposed = other._in_a_fields_place(incumbent, number)
             if proposed is not None:
@@ -343,6 +349,8 @@ class _Search:
         """
         least = incumbent.problem.evidence.criteria.significant_gain
         for number in smooth_fields_of(incumbent.solved, self.fixed):
+            if incumbent.problem.evidence.work.ends():
+                break
             hidden = [one for one in behind_field(incumbent.problem, incumbent.solved, number) if one.gain > least]
             other, field_term = self._apart(), incumbent.solved.terms[number]
             proposed = other._with_in_stead(incumbent, number, hidden[0].term) if hidden else None

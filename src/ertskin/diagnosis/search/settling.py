@@ -72,7 +72,7 @@ def refined(
     What has taken the fit far is settled, and what was freed about the old place freed about the new one again.
     """
     for _ in range(REFINED):
-        if incumbent.freed is incumbent.solved:
+        if incumbent.freed is incumbent.solved or incumbent.problem.evidence.work.ends():
             break
         freed = free(incumbent, partitions)
         proposed = None if freed is incumbent.solved else where_it_settles(build, incumbent.problem, freed)

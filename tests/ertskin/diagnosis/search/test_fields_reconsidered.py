@@ -15,6 +15,7 @@ from ertskin.diagnosis.contract.claims import Tried
 from ertskin.diagnosis.criteria import DEFAULT
 from ertskin.diagnosis.fit.full_solution_check import CheckedFit
 from ertskin.diagnosis.fit.terms import Term
+from ertskin.diagnosis.recording.work import Work
 from ertskin.diagnosis.search import entering, selection
 from ertskin.diagnosis.search.candidates import Candidate
 from ertskin.physics.effects.effect import Effect
@@ -48,7 +49,7 @@ FIELD, DRIFT, PAD, LOOP = NamedTerm("field", "modes"), NamedTerm("drift"), Named
 def fit_of(*terms: NamedTerm, misfit: float = 1.0) -> CheckedFit:
     solved: Any = SimpleNamespace(terms=terms, calibration=None, leftover=False)
     problem: Any = SimpleNamespace(
-        evidence=SimpleNamespace(criteria=DEFAULT),
+        evidence=SimpleNamespace(criteria=DEFAULT, work=Work()),
         solve=lambda terms, calibration, leftover: fit_of(*terms).solved,
     )
     return CheckedFit(problem, solved, misfit, 0.0)

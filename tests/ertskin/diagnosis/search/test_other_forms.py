@@ -13,6 +13,8 @@ from ertskin.diagnosis.contract.claims import Rival
 from ertskin.diagnosis.criteria import DEFAULT
 from ertskin.diagnosis.fit.full_solution_check import CheckedFit
 from ertskin.diagnosis.fit.terms import Term
+from ertskin.diagnosis.recording import work
+from ertskin.diagnosis.recording.work import Work
 from ertskin.diagnosis.search import other_forms as module
 from ertskin.diagnosis.search import selection
 from ertskin.diagnosis.search.chosen import key_of
@@ -37,7 +39,7 @@ def trial(term: Term, gain: float) -> Trial:
 
 
 def fit_of(*terms: Term, misfit: float = 1.6) -> CheckedFit:
-    evidence = SimpleNamespace(criteria=DEFAULT)
+    evidence = SimpleNamespace(criteria=DEFAULT, work=Work())
     problem: Any = SimpleNamespace(evidence=evidence, specimen=None, at_hand=lambda solved: solved)
     return CheckedFit(problem, SimpleNamespace(terms=terms, effects=()), misfit, 0.0)  # type: ignore[arg-type]
 
@@ -117,6 +119,14 @@ def test_what_follows_another_form_is_kept_where_it_is_likelier(search: selectio
     assert gone_on(search) == [UNEVEN, OFFSET]
     assert search.stand == {key_of(UNEVEN): RIVALS}
     assert [(one.effects, one.gain, one.kept) for one in search.tried] == [((UNEVEN.name, OFFSET.name), 5000.0, True)]
+
+
+def test_nothing_is_gone_on_with_once_the_work_is_spent(
+    search: selection._Search, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(work, "MOST", 0.0)
+    assert gone_on(search) == [ALIKE]
+    assert search.tried == []
 
 
 def test_it_is_tried_and_left_where_it_is_not_likelier(

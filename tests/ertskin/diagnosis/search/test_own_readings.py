@@ -13,6 +13,7 @@ import pytest
 from ertskin.diagnosis.contract.claims import Tried
 from ertskin.diagnosis.criteria import DEFAULT
 from ertskin.diagnosis.fit.full_solution_check import CheckedFit
+from ertskin.diagnosis.recording.work import Work
 from ertskin.diagnosis.search import selection
 from ertskin.physics.effects.hypothesis import Measured
 from ertskin.physics.effects.piezo_creep import PiezoCreep
@@ -23,7 +24,9 @@ LOOP = PiezoHysteresis(width=0.1)
 
 def checked_fit(own: tuple[Any, ...] = ()) -> Any:
     """A fit of a skin and a specimen that remembers by its ``own`` effects."""
-    problem: Any = SimpleNamespace(specimen=SimpleNamespace(effects=own), evidence=SimpleNamespace(criteria=DEFAULT))
+    problem: Any = SimpleNamespace(
+        specimen=SimpleNamespace(effects=own), evidence=SimpleNamespace(criteria=DEFAULT, work=Work())
+    )
     solved: Any = SimpleNamespace(effects=(), terms=())
     return CheckedFit(problem, solved, 1.0, 0.0)
 
@@ -45,7 +48,7 @@ def test_a_specimen_that_shows_nothing_of_what_the_skin_remembers_is_left_out(
 def test_a_specimen_that_differs_in_the_end_has_no_say_in_what_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     # The specimen remembers, the skin doesn't: a field that made up for the specimen's law goes with it.
     incumbent, apart = checked_fit((LOOP,)), checked_fit()
-    without: Any = SimpleNamespace(specimen=None, evidence=SimpleNamespace(criteria=DEFAULT))
+    without: Any = SimpleNamespace(specimen=None, evidence=SimpleNamespace(criteria=DEFAULT, work=Work()))
     apart = replace(apart, problem=without)
     monkeypatch.setattr(selection, "remembers_alike", lambda specimen, effects, criteria: False)
     monkeypatch.setattr(selection, "where_it_settles", lambda build, problem, solved: apart)
