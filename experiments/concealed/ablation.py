@@ -68,7 +68,7 @@ RULES: dict[str, Rule] = {
     ),
     "form_by_cells": Rule(
         "of a field's forms the one that predicts cells held out enters, not the one that fits best",
-        (f"{SEARCH}.entering._foretelling",),
+        (f"{SEARCH}.entering._predicting",),
         lambda fit, partitions: fit.misfit,
     ),
     "own_scale": Rule(

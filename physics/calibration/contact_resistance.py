@@ -144,7 +144,7 @@ def gauss_newton(problem: ContactProblem) -> ContactFit:
 
     A contact that the readings can't tell (a passive one of a poor scan, or one much smaller than the sheet's own
     resistance) stays finite by a weak log-normal prior about the guess, which moves the others by less than a
-    millionth of their value.
+    millionth of their value where the model explains the readings; where it doesn't, by what the misfit leaves open.
     """
     begun = time.perf_counter()
     measured, whiten = problem.space.coordinates(problem.voltage_v), problem.space.design

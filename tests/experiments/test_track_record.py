@@ -110,3 +110,11 @@ def test_a_sample_whose_seal_is_broken_is_refused(tmp_path: Path) -> None:
     assert done.returncode == 2
     assert len(done.stderr.strip().splitlines()) == 1
     assert not (tmp_path / "track_record.md").exists()
+
+
+def test_no_last_run_is_made_once_all_sealed_families_are_spent(tmp_path: Path) -> None:
+    command = [sys.executable, str(CONCEALED / "proof/record.py"), str(tmp_path / "suite"), "--final"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert "no family is sealed any longer" in done.stderr.splitlines()[-1]
+    assert not (tmp_path / "suite").exists()

@@ -30,7 +30,7 @@ from generator.recording import clean, measured  # noqa: E402
 from generator.skin import Noise, Skin  # noqa: E402
 from generator.skins import drawn, misdescribed  # noqa: E402
 from generator.strength import Ruler  # noqa: E402
-from suite import ODD, Case, Hidden, families, generator_of, suite  # noqa: E402
+from suite import ODD, SPLIT, Case, Hidden, families, generator_of, suite  # noqa: E402
 
 
 def made(hidden: Hidden, skin: Skin, size: float, seed: int) -> Effect:
@@ -130,6 +130,8 @@ def main() -> int:
     parser.add_argument("--jobs", type=int, default=1, help="processes, one BLAS thread each")
     parser.add_argument("--only", nargs="*", help="names of cases, all without it")
     options = parser.parse_args()
+    if options.final and not families(True):
+        parser.error(f"no family is sealed any longer ({SPLIT.name}): new ones have to be written and sealed first")
     secret = secret_of(options.out)
     about = {"families": families(options.final)[: 1 if options.small else None], "small": options.small}
     cases = suite(secret, about["families"], options.small)

@@ -110,16 +110,15 @@ def _diagnose(
     report(0.92, "looking for the press that would settle what is in doubt")
     press = settling_press(evidence, skin, baseline.force_noise.rms_n, findings.diagnosis.claims)
     findings = replace(findings, diagnosis=replace(findings.diagnosis, next_press=press))
-    if not evidence.work.has_ended:
-        findings = _for_simulation(findings, evidence, baseline, family, selection, selector, report)
-    return _with_its_end(findings, evidence.work)
+    findings = _with_its_end(findings, evidence.work)
+    return _for_simulation(findings, evidence, baseline, family, selection, selector, report)
 
 
 def _with_its_end(findings: Findings, work: Work) -> Findings:
-    """The findings, which say so where a search was cut short."""
-    if not work.has_ended:
+    """The findings, which say so where a search was cut short though something is missing."""
+    if not work.has_ended or findings.diagnosis.verdict == "no_mismatch":
         return findings
-    said = "the search was ended, for it had computed as much as one may: more may be missing than is named"
+    said = "the search stopped at its limit of computing: effects it hasn't tried may explain more"
     return replace(findings, diagnosis=_saying(findings.diagnosis, said))
 
 
@@ -134,7 +133,10 @@ def _for_simulation(
 ) -> Findings:
     """The findings, of which what is handed on is fitted to all presses where they are few, and chosen from all of
     them, beginning with what was found, where they are very few, or by a ``selector`` of fields of its own. What spoils
-    predictions isn't looked for again, unless it is told place by place, which predicts nothing."""
+    predictions isn't looked for again, unless it is told place by place, which predicts nothing.
+
+    A search that was cut short isn't made again; what is computed otherwise counts anew.
+    """
     everything, presses = all_fitted(evidence)
     spoilt = findings.diagnosis.spoilt and not any(claim.by_place for claim in findings.diagnosis.claims)
     nothing = spoilt or (presses >= FEW and not selection.after.effects)
@@ -142,13 +144,15 @@ def _for_simulation(
         return findings
     report(0.94, "fitting all presses, which are few, for what is handed on")
     field = any(term.modes is not None for term in selection.after.terms)
-    anew = presses < FEW or (field and selector is not select)
+    anew = not evidence.work.has_ended and (presses < FEW or (field and selector is not select))
+    evidence = replace(evidence, work=Work())
     if anew:
         begun = [(term, chosen.rivals) for term, chosen in selection.found if term.modes is None]
         again = partial(_selected, evidence, baseline, family, everything, selector, _silent, begun)
     else:
         again = partial(_fitted_to, everything, evidence, baseline, family, selection)
-    return with_fields_of_all_presses(_handing_on(findings, again, anew), family)
+    handing_on = _with_its_end(_handing_on(findings, again, anew), evidence.work)
+    return with_fields_of_all_presses(handing_on, family)
 
 
 def _fitted_to(

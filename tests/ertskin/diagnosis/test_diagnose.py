@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -118,13 +119,28 @@ def handed_on_of_all_presses(found: Findings, *, chosen_from_all: bool) -> None:
     assert found.diagnosis.as_builtins()["of_all_presses"] == [effect.name for effect in found.diagnosis.effects]
 
 
-@pytest.mark.parametrize("ended", [False, True])
-def test_a_search_cut_short_says_so(ended: bool) -> None:
-    found = Findings(Diagnosis("some.h5", "unexplained", HeldOut("split", 1e-3, 3.0, 3.0, 0.0), reason="something"))
+@dataclass(frozen=True)
+class Counted:
+    """Evidence, as far as work is counted."""
+
+    work: Work
+
+
+@pytest.mark.parametrize(
+    ("verdict", "ended", "says"),
+    [
+        ("unexplained", False, False),
+        ("unexplained", True, True),
+        ("explained", True, True),
+        ("no_mismatch", True, False),
+    ],
+)
+def test_a_search_cut_short_says_so_where_something_is_missing(verdict: str, ended: bool, says: bool) -> None:
+    found = Findings(Diagnosis("some.h5", verdict, HeldOut("split", 1e-3, 3.0, 3.0, 0.0), reason="something"))
     said = skin._with_its_end(found, Work(has_ended=ended)).diagnosis.reason
     assert said is not None
-    assert said.startswith("something; the search was ended") == ended
-    assert (said == "something") == (not ended)
+    assert said.startswith("something; the search stopped") == says
+    assert (said == "something") == (not says)
 
 
 def test_few_presses_that_can_not_be_fitted_together_hand_on_what_was_claimed() -> None:
@@ -175,12 +191,29 @@ def test_what_is_handed_on_is_chosen_or_fitted_by_how_many_presses_there_are(
     terms = [SimpleNamespace(modes=np.eye(2) if field else None)]
     begun = [(term, SimpleNamespace(rivals=())) for term in terms]
     selection = SimpleNamespace(after=SimpleNamespace(effects=("one",) * effects, terms=terms), found=begun)
-    asked = (found, None, None, None, selection)
+    asked = (found, Counted(Work()), None, None, selection)
     handed = skin._for_simulation(*asked, skin.select, lambda share, text: None)  # type: ignore[arg-type]
     assert (handed if isinstance(handed, str) else "as found") == way
     if way == "fitted" and field:
         # Another way to choose chooses again: how far a field spreads is its own affair.
         assert skin._for_simulation(*asked, selected, lambda share, text: None) == "chosen"  # type: ignore[arg-type, comparison-overlap]
+    if way == "chosen":
+        # A search that was cut short isn't made again.
+        cut = (found, Counted(Work(has_ended=True)), None, None, selection)
+        assert skin._for_simulation(*cut, skin.select, lambda share, text: None) == "fitted"  # type: ignore[arg-type, comparison-overlap]
+
+
+def test_what_is_fitted_to_all_presses_counts_anew(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(skin, "all_fitted", lambda evidence: (np.arange(3), 12))
+    monkeypatch.setattr(skin, "_fitted_to", lambda rows, evidence, *_: evidence.work)
+    monkeypatch.setattr(skin, "_handing_on", lambda findings, choose, anew: choose())
+    monkeypatch.setattr(skin, "_with_its_end", lambda findings, work: findings)
+    monkeypatch.setattr(skin, "with_fields_of_all_presses", lambda whole, family: whole)
+    found = Findings(Diagnosis("some.h5", "explained", HeldOut("split", 1e-3, 3.0, 1.0, 0.0)))
+    selection = SimpleNamespace(after=SimpleNamespace(effects=("one",), terms=[]), found=[])
+    asked = (found, Counted(Work(2e9, has_ended=True)), None, None, selection, skin.select, lambda share, text: None)
+    work: Any = skin._for_simulation(*asked)  # type: ignore[arg-type]
+    assert (work.done, work.has_ended) == (0.0, False)
 
 
 @pytest.mark.parametrize("saturated_v", [None, 2.0])

@@ -104,7 +104,7 @@ def test_what_does_not_wander_is_given_no_noise_by_chance(neighbours):
     assert found <= 40 * 9 * CHANCE + 5.4
 
 
-def test_what_the_frames_before_and_after_foretell_is_no_noise():
+def test_what_the_frames_before_and_after_predict_is_no_noise():
     rng = np.random.default_rng(3)
     slope = rng.standard_normal((PAIRS, 2))
     truth = MeasuredNoise(PROTOCOL, 2e-3, np.zeros((0, PAIRS)), 0.0, np.zeros(1))

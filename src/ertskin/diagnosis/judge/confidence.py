@@ -103,10 +103,10 @@ def of_maps(claims: Sequence[Claim]) -> list[Claim]:
 
     What is told place by place predicts nothing, and is right where the places are.
     """
-    foretelling = [claim.effect.hypothesis.field and not claim.by_place for claim in claims]
+    predicting = [claim.effect.hypothesis.field and not claim.by_place for claim in claims]
     return [
         replace(c, confidence=c.confidence**MAP_POWER, name_confidence=c.confidence) if f else c
-        for c, f in zip(claims, foretelling, strict=True)
+        for c, f in zip(claims, predicting, strict=True)
     ]
 
 

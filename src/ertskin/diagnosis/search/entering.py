@@ -62,7 +62,7 @@ def first_to_hold(
             other = next((trial for trial in left if _of_another_property(form, trial, first.gain)), None)
             other_fit = None if other is None else _where_it_holds(build, incumbent, other, partitions)
             if other is not None and other_fit is not None:
-                likelier = _foretelling(fit, partitions) - _foretelling(other_fit, partitions)
+                likelier = _predicting(fit, partitions) - _predicting(other_fit, partitions)
                 if likelier > incumbent.problem.evidence.criteria.significant_gain:
                     return replace(other, gain=first.gain + likelier), other_fit
             return replace(form, gain=first.gain), fit
@@ -109,10 +109,10 @@ def _best_form(
     as_good = [pair for pair in forms if incumbent.misfit**2 - pair[1].misfit ** 2 >= explained]
     if len(as_good) == 1 or all(form.term.modes is None for form, _ in as_good):
         return min(forms, key=lambda pair: pair[1].misfit)
-    return min(as_good, key=lambda pair: _foretelling(pair[1], partitions))
+    return min(as_good, key=lambda pair: _predicting(pair[1], partitions))
 
 
-def _foretelling(fit: CheckedFit, partitions: Sequence[Sequence[int]]) -> float:
+def _predicting(fit: CheckedFit, partitions: Sequence[Sequence[int]]) -> float:
     return log_misfit_held_out(fit.problem, fit.solved, partitions)
 
 

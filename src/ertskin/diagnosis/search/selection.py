@@ -131,7 +131,8 @@ class _Search:
     forms: list[OtherForm] = field(default_factory=list)
 
     def grown(self, incumbent: CheckedFit) -> CheckedFit:
-        """With one term more after the other, while one gains enough and they aren't too many; asked once at least."""
+        """With one term more after the other, while one gains enough and they aren't too many; asked once at least, but
+        not beside others once the work is spent."""
         for turn in range(min(len(incumbent.solved.terms) - self.fixed, MOST_TERMS - 1), MOST_TERMS):
             text = f"looking for what is missing (residual {rms_of(incumbent.solved):.3f} of the noise)"
             self.report(0.2 + 0.1 * turn, text)

@@ -253,7 +253,7 @@ class Process:
         return begun.at(begun.start)
 
 
-def foretelling(quadratic: NodeQuadratic, extent_m: Array, partitions: Sequence[Sequence[int]]) -> Process:
+def most_predictive(quadratic: NodeQuadratic, extent_m: Array, partitions: Sequence[Sequence[int]]) -> Process:
     """The process with which cells held out are likeliest, to first order."""
     gradient, hessian = quadratic.reduced()
     folds = [quadratic.fold(out) for out in partitions]
@@ -358,7 +358,7 @@ def with_smooth_field(
     """
     current, extent_m = problem.at_hand(current), problem.evidence.sensor.extent_m
     quadratic = NodeQuadratic.of(problem, current, current.effects, number)
-    process = foretelling(quadratic, extent_m, partitions)
+    process = most_predictive(quadratic, extent_m, partitions)
     if process.gain < least or not process.modes.size or not np.isfinite(process.sizes).all():
         return None
     terms = [*current.terms[:number], process.of(current.terms[number], extent_m), *current.terms[number + 1 :]]

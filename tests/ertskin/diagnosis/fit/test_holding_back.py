@@ -228,7 +228,7 @@ def test_of_forms_of_a_field_that_explain_alike_the_one_that_predicts_cells_best
     }
     monkeypatch.setattr(settling, "settled", lambda build, solved: settle[solved])
     costs = {"free": 20.0, "few": predicted}
-    monkeypatch.setattr(entering, "_foretelling", lambda fit, partitions: costs[fit.solved])
+    monkeypatch.setattr(entering, "_predicting", lambda fit, partitions: costs[fit.solved])
     incumbent = CheckedFit(PROBLEM, None, 3.0, 0.0)  # type: ignore[arg-type]
     trials = [trial("free", "field", 50.0, modes="many"), trial("few", "field", 45.0)]
     found = entering.first_to_hold(None, incumbent, trials, [[0], [1]])  # type: ignore[arg-type]

@@ -64,12 +64,12 @@ def test_presses_that_do_not_repeat_speak_against_names_of_places_alone() -> Non
 def test_a_field_that_places_tell_of_is_as_sure_as_they_make_it() -> None:
     """Half of the rms is predicted, and one number for every place leaves next to nothing of the presses fitted."""
     field = claim(PiezoInhomogeneity(amplitude=0.3), 3.0)
-    (foretelling,) = left_over([field], 3.0, 1.6, DEFAULT, None, 1.6)
+    (predicting,) = left_over([field], 3.0, 1.6, DEFAULT, None, 1.6)
     (told,) = left_over([replace(field, misfits_by_place=(3.0, 1.06))], 3.0, 1.6, DEFAULT, None, 1.6)
-    assert not foretelling.by_place
+    assert not predicting.by_place
     assert told.by_place
     assert told.confidence == pytest.approx(0.95 * 0.95, abs=0.02)
-    assert of_maps([foretelling])[0].confidence < 0.1
+    assert of_maps([predicting])[0].confidence < 0.1
     assert of_maps([told]) == [told]
 
 

@@ -133,8 +133,8 @@ def test_what_places_tell_is_no_surer_than_all_presses_make_it(
     judged = as_sure_as_all(claim, SimpleNamespace(chosen=chosen), DEFAULT)  # type: ignore[arg-type]
     assert judged.confidence == pytest.approx(confidence, abs=0.01)
     assert [reason.rule for reason in judged.reasons] == ([] if confidence == 0.9 else ["all_presses"])
-    foretelling = replace(claim, by_place=False)
-    assert as_sure_as_all(foretelling, SimpleNamespace(chosen=chosen), DEFAULT) is foretelling  # type: ignore[arg-type]
+    predicting = replace(claim, by_place=False)
+    assert as_sure_as_all(predicting, SimpleNamespace(chosen=chosen), DEFAULT) is predicting  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("count", [4, 9])

@@ -82,7 +82,7 @@ def test_the_one_cell_that_no_other_tells_of_does_not_outweigh_them() -> None:
     assert log_misfit(numbers / 2 * tame**2, numbers) < log_misfit(numbers / 2 * free**2, numbers)
 
 
-def test_terms_that_foretell_stay(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_terms_that_predict_stay(monkeypatch: pytest.MonkeyPatch) -> None:
     assert chosen_of(monkeypatch, 20 * PLACE + noise(), 2).chosen
 
 

@@ -9,7 +9,7 @@ from scipy.stats import multivariate_normal
 from ertskin.diagnosis.fit import joint_fit
 from ertskin.diagnosis.fit.terms import Modes, Term
 from ertskin.diagnosis.search import smooth_fields
-from ertskin.diagnosis.search.smooth_fields import LENGTHS, NodeQuadratic, foretelling, node_shape
+from ertskin.diagnosis.search.smooth_fields import LENGTHS, NodeQuadratic, most_predictive, node_shape
 from ertskin.physics.effects.sheet_inhomogeneity import SheetInhomogeneity
 from ertskin.physics.effects.smooth_field import field_at, field_design, node_position_m
 
@@ -48,14 +48,14 @@ PARTITIONS = [[k] for k in range(CELLS)]
 
 def test_what_a_fold_gains_is_what_whole_newton_steps_gain() -> None:
     quadratic = seen(hill(0.012), places(60))
-    modes = foretelling(quadratic, EXTENT_M, PARTITIONS).modes
+    modes = most_predictive(quadratic, EXTENT_M, PARTITIONS).modes
     gain = sum(quadratic.fold(out).gain(modes) for out in PARTITIONS)
     assert gain == pytest.approx(quadratic.along(modes, 1.0, PARTITIONS)[0], rel=1e-6)
 
 
 def test_what_a_fold_costs_is_what_is_left_of_its_readings() -> None:
     quadratic = seen(hill(0.012), places(60))
-    modes = foretelling(quadratic, EXTENT_M, PARTITIONS).modes
+    modes = most_predictive(quadratic, EXTENT_M, PARTITIONS).modes
     fold = quadratic.fold([2])
     inside = np.arange(CELLS) != 2
     onto = np.zeros((quadratic.gradient.shape[1], 2 + modes.shape[1]))
@@ -86,7 +86,7 @@ def test_a_cell_that_no_other_tells_of_does_not_choose_the_field(monkeypatch: py
         found = []
         for seed in range(6):
             quadratic = one_cell_apart(seed)
-            modes = foretelling(quadratic, EXTENT_M, PARTITIONS).modes
+            modes = most_predictive(quadratic, EXTENT_M, PARTITIONS).modes
             found.append(sum(quadratic.fold([k]).gain(modes) for k in range(1, CELLS)))
         return found
 
@@ -109,7 +109,7 @@ def test_evidence_is_the_marginal_likelihood() -> None:
 
 @pytest.mark.parametrize(("radius_m", "longest"), [(0.006, 0.3), (0.05, 3.0)])
 def test_short_hills_take_short_lengths_and_wide_ones_long(radius_m: float, longest: float) -> None:
-    process = foretelling(seen(hill(radius_m), places(150)), EXTENT_M, PARTITIONS)
+    process = most_predictive(seen(hill(radius_m), places(150)), EXTENT_M, PARTITIONS)
     kinds = [length for length, _ in smooth_fields._kinds()]
     length = kinds[process.covariance][0]
     assert length <= longest
@@ -119,14 +119,14 @@ def test_short_hills_take_short_lengths_and_wide_ones_long(radius_m: float, long
 def test_a_line_is_found_along_its_direction() -> None:
     across = node_position_m(SHAPE, EXTENT_M) @ np.array([np.cos(np.pi / 3), np.sin(np.pi / 3)]) - 0.04
     line = 0.2 * np.exp(-0.5 * (across / 0.005) ** 2)
-    process = foretelling(seen(line, places(40)), EXTENT_M, PARTITIONS)
+    process = most_predictive(seen(line, places(40)), EXTENT_M, PARTITIONS)
     assert process.covariance >= len(LENGTHS)
     angle = list(smooth_fields._kinds())[process.covariance][1]
     assert angle == pytest.approx(np.pi / 3, abs=np.pi / 12 + 1e-9)
 
 
 def test_where_nothing_tells_the_field_stays_as_expected_beforehand() -> None:
-    process = foretelling(seen(hill(0.01), places(80, 0.03)), EXTENT_M, PARTITIONS)
+    process = most_predictive(seen(hill(0.01), places(80, 0.03)), EXTENT_M, PARTITIONS)
     term = process.of(Term(SheetInhomogeneity(), ()), EXTENT_M)
     at = np.array([[0.024, 0.03], [0.058, 0.03]])
     pressed, untouched = field_at(term.effect.nodes, at, EXTENT_M)  # type: ignore[attr-defined]
@@ -136,7 +136,7 @@ def test_where_nothing_tells_the_field_stays_as_expected_beforehand() -> None:
 
 def test_nothing_there_gains_nothing() -> None:
     quadratic = seen(np.zeros(SHAPE[0] * SHAPE[1]), places(60))
-    assert foretelling(quadratic, EXTENT_M, PARTITIONS).gain < 5.0
+    assert most_predictive(quadratic, EXTENT_M, PARTITIONS).gain < 5.0
 
 
 def test_a_term_in_modes_moves_by_their_sizes() -> None:
@@ -177,7 +177,7 @@ def errors_between_presses(seed: int) -> tuple[float, float]:
     cost = np.array([0.5 * (wrong[cell] ** 2).sum() for cell in cells])
     numbers = np.array([wrong[cell].size for cell in cells], dtype=float)
     quadratic = NodeQuadratic(cost, numbers, gradient, hessian, np.zeros(0), np.zeros(0))
-    process = foretelling(quadratic, EXTENT_M, PARTITIONS)
+    process = most_predictive(quadratic, EXTENT_M, PARTITIONS)
     half = smooth_fields.covariances(EXTENT_M)[LENGTHS.index(0.5)]
     summed = gradient.sum(axis=0), hessian.sum(axis=0)
     wide = smooth_fields.SPREADS[int(smooth_fields.evidences(half, *summed).argmax())]
@@ -196,7 +196,7 @@ def test_a_wrong_tail_of_the_pressure_widens_no_field() -> None:
 
 
 def test_a_field_that_first_order_takes_too_far_is_begun_where_a_spot_may_go() -> None:
-    process = foretelling(seen(100 * hill(0.012), places(60)), EXTENT_M, PARTITIONS)
+    process = most_predictive(seen(100 * hill(0.012), places(60)), EXTENT_M, PARTITIONS)
     assert np.abs(process.modes @ process.sizes).max() > 10
     term = process.of(Term(SheetInhomogeneity(), ()), EXTENT_M)
     assert np.abs(term.effect.nodes).max() == pytest.approx(smooth_fields.FARTHEST)  # type: ignore[attr-defined]
