@@ -174,8 +174,7 @@ def gauss_newton(problem: ContactProblem) -> ContactFit:
         if gain < -_ROUNDING * cost:
             damping = max(4 * damping, 1e-2)
             continue
-        expected_gain = float(gradient @ np.linalg.solve(normal, gradient))
-        converged = expected_gain < _CONVERGED * _noise(problem, jacobian, trial) ** 2
+        converged = gradient @ np.linalg.solve(normal, gradient) < _CONVERGED * _noise(problem, jacobian, trial) ** 2
         logs, pairs, slope, residual = logs + move, trial_pairs, trial_slope, trial
         poor = gain > _ROUNDING * cost and gain < 0.25 * (2 * step @ gradient - step @ normal @ step)
         damping = max(4 * damping, 1e-2) if poor else (damping / 10 if damping > 1e-4 else 0.0)

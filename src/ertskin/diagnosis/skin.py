@@ -115,10 +115,10 @@ def _diagnose(
 
 
 def _with_its_end(findings: Findings, work: Work) -> Findings:
-    """The findings, which say so where a search was cut short though something is missing."""
-    if not work.has_ended or findings.diagnosis.verdict == "no_mismatch":
-        return findings
+    """The findings, which say so, once, where a search was cut short though something is missing."""
     said = "the search stopped at its limit of computing: effects it hasn't tried may explain more"
+    if not work.has_ended or findings.diagnosis.verdict == "no_mismatch" or said in (findings.diagnosis.reason or ""):
+        return findings
     return replace(findings, diagnosis=_saying(findings.diagnosis, said))
 
 

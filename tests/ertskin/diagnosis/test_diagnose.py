@@ -137,8 +137,10 @@ class Counted:
 )
 def test_a_search_cut_short_says_so_where_something_is_missing(verdict: str, ended: bool, says: bool) -> None:
     found = Findings(Diagnosis("some.h5", verdict, HeldOut("split", 1e-3, 3.0, 3.0, 0.0), reason="something"))
-    said = skin._with_its_end(found, Work(has_ended=ended)).diagnosis.reason
+    once = skin._with_its_end(found, Work(has_ended=ended))
+    said = once.diagnosis.reason
     assert said is not None
+    assert skin._with_its_end(once, Work(has_ended=ended)).diagnosis.reason == said
     assert said.startswith("something; the search stopped") == says
     assert (said == "something") == (not says)
 
