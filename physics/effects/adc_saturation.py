@@ -46,7 +46,10 @@ class AdcSaturation(AcquisitionEffect):
 
     n is the ``sharpness``, L the ``level_v``, q such that a reading of L falls short by its part ``compression``: small
     ones fall short by the part q |v/L|^n / n, the largest approach L q^(-1/n). ``level_v`` isn't fitted. What is within
-    the part ``straight_share`` of L stays as it is, and v and L count from there.
+    the part ``straight_share`` of L stays as it is, and v and L count from there. What is smooth and alike on both
+    sides of nought has no square of |v|, so n is two at least (Rapp's p, half of it, is one): all four limits named at
+    an n of one were leaks, a common mode and absorbed charge (`experiments/concealed`). An exponential approach from a
+    knee is then followed to within 3 % of what it takes off.
     """
 
     name: ClassVar[str] = "adc_saturation"
@@ -66,7 +69,7 @@ class AdcSaturation(AcquisitionEffect):
     lowest_v: float = float("-inf")
     compression: float = parameter("1", 0.0, 0.9, 0.0, 0.01, "part by which a reading of level_v falls short")
     sharpness: float = parameter(
-        "1", 1.0, 60.0, 2.0, 1.0, "power of the reading with which that part grows", defining=False
+        "1", 2.0, 60.0, 2.0, 1.0, "power of the reading with which that part grows", defining=False
     )
     straight_share: float = parameter(
         "1", 0.0, 0.95, 0.0, 0.1, "part of level_v up to which readings are straight", defining=False

@@ -57,7 +57,7 @@ class PiezoCreep(PiezoEffect):
         (Axis.HISTORY, Axis.TIME), (Signal.READINGS, Signal.SPECIMEN), (Need.PRESSES,)
     )
 
-    fraction: float = parameter("1", 0.0, 2.0, 0.0, 0.02, "share of the pressure that is felt in addition")
+    fraction: float = parameter("1", 0.0, 5.0, 0.0, 0.02, "share of the pressure that is felt in addition")
     time_s: float = parameter("s", 0.05, 5000.0, 5.0, 1.0, "time constant", defining=False)
 
     decades: float = parameter("1", 0.0, 6.0, 0.0, 0.5, "decades of time constants", defining=False)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -21,8 +21,11 @@ from ertskin.diagnosis.contract.claims import (
 )
 from ertskin.diagnosis.criteria import Criteria
 from ertskin.diagnosis.fit.nonreciprocal import acquires
+from ertskin.diagnosis.fit.terms import Term
 from ertskin.diagnosis.force.claims import ForceAnswer, force_answer
 from ertskin.diagnosis.judge.axis_tests import AxisTest, axis_tests, depends_on
+from ertskin.diagnosis.judge.coincidence import RULE as COINCIDENCE
+from ertskin.diagnosis.judge.coincidence import coincident, is_one_fault
 from ertskin.diagnosis.judge.confidence import (
     at_once,
     left_beyond,
@@ -46,6 +49,7 @@ from ertskin.diagnosis.recording.split import SPLIT
 from ertskin.diagnosis.rest.baseline import Baseline
 from ertskin.diagnosis.rest.rest_frames import STANDS_OUT
 from ertskin.diagnosis.search.chosen import Chosen, Selection
+from ertskin.diagnosis.specimen.fit import SpecimenFinding
 from ertskin.physics.effects.effect import Stage, shown_by
 from ertskin.physics.effects.hypothesis import Measured, Signal
 from ertskin.physics.effects.registry import measured_as
@@ -186,7 +190,8 @@ def _depends_on(case: Case, claims: list[Claim], verdict: str, jitters: bool, te
 def _claims(case: Case) -> list[Claim]:
     """Every claim with its confidence, the largest first and contacts that wander last."""
     selection = case.selection
-    claims = [_voltage_claim(selection, chosen, k) for k, chosen in enumerate(selection.chosen)]
+    known = case.baseline.specimen_findings
+    claims = [_voltage_claim(selection, chosen, k, known) for k, chosen in enumerate(selection.chosen)]
     claims += [*case.force.claims, *drift_claims(selection, case.baseline.settling)]
     claims = [_against_rivals(claim) for claim in claims]
     for rule, why, judged in _rules(case):
@@ -228,11 +233,7 @@ def _rules(case: Case) -> list[tuple[str, str, Callable[[list[Claim]], list[Clai
             "it explains what stands at rest, but little of what presses change",
             lambda c: static_only(c, residuals, rest, criteria, found_at_rest),
         ),
-        (
-            "noisy_channel",
-            "its channel scatters more than the others: it may be the mean of that",
-            lambda c: noisy(c, case.noisy, criteria),
-        ),
+        *_rules_of_channels(case),
         ("spoiling", SPOILT, lambda c: spoiling(c, criteria, misled=misled, spoilt=spoilt)),
         ("maps", "fields so sure have had the right map less often", of_maps),
     ]
@@ -247,6 +248,23 @@ def _rules_of_misfit(case: Case) -> list[tuple[str, str, Callable[[list[Claim]],
     return [
         ("left_over", "part of the misfit stays", lambda c: left_over(c, *ratios, criteria, presses_free, of_fields)),
         ("left_beyond", "part of what no network explains stays", lambda c: left_beyond(c, *beyond, criteria)),
+    ]
+
+
+def _rules_of_channels(case: Case) -> list[tuple[str, str, Callable[[list[Claim]], list[Claim]]]]:
+    """Those about faults of single channels."""
+    channels, criteria = case.evidence.protocol.shape[1], case.criteria
+    return [
+        (
+            "noisy_channel",
+            "its channel scatters more than the others: it may be the mean of that",
+            lambda c: noisy(c, case.noisy, criteria),
+        ),
+        (
+            COINCIDENCE,
+            "faults of several channels side by side are rather one that has no name",
+            lambda c: coincident(c, channels, criteria),
+        ),
     ]
 
 
@@ -283,7 +301,7 @@ def _verdict(case: Case, claims: list[Claim], jitters: bool) -> str:
     press = case.evidence.history[case.found.held].press
     before = case.found.ratio_before if claims else broad_ratio(case.found.before, press) / surely
     verdict = verdict_of(before, case.found.ratio_after, bool(claims), case.criteria, mismatch)
-    if verdict == "explained" and (case.force.off or beyond or jitters):
+    if verdict == "explained" and (case.force.off or beyond or jitters or is_one_fault(claims, case.criteria)):
         return "partly_explained"
     return verdict
 
@@ -309,6 +327,8 @@ def _reason(case: Case, claims: list[Claim], jitters: bool) -> str | None:
         said.append(
             f"the contact of electrode {case.baseline.noise.jittering} changes between rest frames: is it loose?"
         )
+    if is_one_fault(claims, case.criteria):
+        said.append("several channels side by side are off: look for one cause, such as currents that haven't settled")
     by_place = [claim.effect.name for claim in claims if claim.by_place]
     said += [f"{name} is known only where something has pressed: press at the other places" for name in by_place]
     said += [
@@ -358,14 +378,28 @@ def _leftover_after(evidence: Evidence, selection: Selection) -> float:
     return float(np.sqrt((left[left != 0] ** 2).mean() / evidence.leftover_share))
 
 
-def _voltage_claim(selection: Selection, chosen: Chosen, number: int) -> Claim:
+def _voltage_claim(selection: Selection, chosen: Chosen, number: int, of_specimen: Sequence[SpecimenFinding]) -> Claim:
+    """A chosen term with what is known of its parameters, also of those that were taken from the specimen."""
     solved = selection.after
     first = len(solved.terms) - len(selection.chosen)
     term = solved.terms[first + number]
     estimates = {key: estimate(*solved.known(first + number, key), term.effect.known(key)) for key in term.free}
+    for finding in of_specimen:
+        estimates |= _taken(term, finding)
     confidence, alternatives = against(chosen.rivals, selection.problem.evidence.criteria)
     ratio, rivals = chosen.ratio_alone, chosen.rivals
     return Claim(term.effect, confidence, ratio, estimates, alternatives, rivals, misfits_by_place=chosen.by_place)
+
+
+def _taken(term: Term, finding: SpecimenFinding) -> dict[str, Estimate]:
+    """Parameters that a term has taken from what the specimen has shown of its effect."""
+    if finding.effect.name != term.name or any(
+        term.effect.value(k) != finding.effect.value(k) for k in finding.free if k not in term.free
+    ):
+        return {}
+    known = term.effect.parameters()
+    shown = zip(finding.free, finding.error, strict=True)
+    return {k: estimate(term.effect.value(k), error, known[k]) for k, error in shown if k not in term.free}
 
 
 def _electrodes(case: Case, claims: list[Claim], jitters: bool) -> tuple[int, ...]:

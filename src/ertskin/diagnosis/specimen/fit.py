@@ -22,6 +22,8 @@ Array = NDArray[np.float64]
 
 ORDER = 9
 """Of the free law: a law that is no fifth-order polynomial is no physics left out."""
+DIGITS = 9
+"""Decimals of a number that count: nearer to an end of its range it is there."""
 Term = tuple[PiezoEffect, tuple[str, ...]]
 """An effect and the parameters of it that are fitted."""
 
@@ -51,54 +53,108 @@ class SpecimenTest:
 
 @dataclass(frozen=True, eq=False)
 class SpecimenFinding:
-    """An effect, the parameters fitted, and what else was fitted in its stead."""
+    """An effect, the parameters fitted, what else was fitted in its stead, and the parameters' standard errors."""
 
     effect: PiezoEffect
     free: tuple[str, ...]
     rivals: tuple[Rival, ...]
+    error: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class _Fit:
+    """Terms at their best values, fitted together: the ``residual`` (N,) and its derivatives (N,n) by what is free."""
+
+    terms: list[Term]
+    residual: Array
+    slope: Array
+
+    @property
+    def rms(self) -> float:
+        return _rms(self.residual)
+
+    def errors(self, noise: float) -> list[tuple[float, ...]]:
+        """Standard errors of each term's numbers, for ``noise`` of a reading."""
+        error = iter(noise * np.sqrt(np.diag(np.linalg.pinv(self.slope.T @ self.slope))))
+        return [tuple(float(next(error)) for _ in free) for _, free in self.terms]
 
 
 def specimen_findings(test: SpecimenTest, criteria: Criteria) -> tuple[list[SpecimenFinding], float]:
     """Effects that the specimen's loop shows, the strongest first, and the relative noise that they leave.
 
-    An effect enters when its gain is significant, no less than a form's share of the largest gain before it, and
-    material. What the first one's form may have left the readings may still name.
+    An effect enters, in the form that explains most, when its gain is significant, no less than a form's share of the
+    largest gain before it, and material. What the first one's form may have left the readings may still name. A form
+    that is fitted at an end of a number's range is none: creep at once is another static law (two dead zones of
+    `final310` were called that).
     """
-    starts = specimen_starts()
-    terms: list[Term] = []
+    names = list(dict.fromkeys(effect.name for effect, _ in specimen_starts()))
     rivals: list[tuple[Rival, ...]] = []
-    residual, largest = test.residual(()), 0.0
-    while len(terms) < len({effect.name for effect, _ in starts}):
-        taken = {effect.name for effect, _ in terms}
-        fits = [_fitted(test, [*terms, start]) for start in starts if start[0].name not in taken]
-        # Half the change of -2 log likelihood for noise of unknown size.
-        gains = [float(len(residual) * np.log(_rms(residual) / max(_rms(left), 1e-12))) for _, left in fits]
-        best = int(np.argmax(gains))
+    best, largest = _Fit([], test.residual(()), np.zeros((len(test.stress_pa), 0))), 0.0
+    while len(best.terms) < len(names):
+        taken = {effect.name for effect, _ in best.terms}
+        tried = [_best_form(test, best.terms, len(taken), name, criteria) for name in names if name not in taken]
+        fits = sorted((fit for fit in tried if fit is not None), key=lambda fit: fit.rms)
+        gains = [_gain(best.residual, fit.residual) for fit in fits]
         least = max(criteria.significant_gain, criteria.second_share * largest)
-        if gains[best] < least or _rms(residual) < criteria.material_ratio * _rms(fits[best][1]):
+        if not fits or gains[0] < least or best.rms < criteria.material_ratio * fits[0].rms:
             break
-        largest = max(largest, gains[best])
-        terms, residual = _reformed(test, *fits[best])
-        others = [Rival(fit[0][-1][0], gains[best] - gain) for fit, gain in zip(fits, gains, strict=True)]
-        rivals.append(tuple(rival for rival in others if rival.effect.name != terms[-1][0].name))
-    freedom = len(residual) - ORDER - 1 - sum(len(free) for _, free in terms)
-    found = [SpecimenFinding(*term, others) for term, others in zip(terms, rivals, strict=True)]
-    return found, float(np.sqrt((residual**2).sum() / max(freedom, 1)))
+        largest, best = max(largest, gains[0]), _reformed(test, fits[0], criteria)
+        others = zip(fits[1:], gains[1:], strict=True)
+        rivals.append(tuple(Rival(fit.terms[-1][0], gains[0] - gain) for fit, gain in others))
+    freedom = len(best.residual) - ORDER - 1 - best.slope.shape[1]
+    noise = float(np.sqrt((best.residual**2).sum() / max(freedom, 1)))
+    errors = best.errors(noise)
+    found = zip(best.terms, rivals, errors, strict=True)
+    return [SpecimenFinding(*term, others, error) for term, others, error in found], noise
 
 
-def _reformed(test: SpecimenTest, terms: list[Term], residual: Array) -> tuple[list[Term], Array]:
-    """The same effects from their other starts too: a form chosen while another effect was missing did its part."""
-    for number, term in enumerate(terms):
-        for start in specimen_starts():
-            if start[0].name == term[0].name:
-                fitted, left = _fitted(test, [*terms[:number], start, *terms[number + 1 :]])
-                if _rms(left) < _rms(residual):
-                    terms, residual = fitted, left
-    return terms, residual
+def _reformed(test: SpecimenTest, fit: _Fit, criteria: Criteria) -> _Fit:
+    """The same effects in their other forms too: one chosen while another effect was missing did its part."""
+    for number, (effect, _) in enumerate(fit.terms[:-1]):
+        other = _best_form(test, fit.terms, number, effect.name, criteria)
+        if other is not None and other.rms < fit.rms:
+            fit = other
+    return fit
 
 
-def _fitted(test: SpecimenTest, starts: Sequence[Term]) -> tuple[list[Term], Array]:
-    """The terms at their best values, all fitted together, and the residual (N,)."""
+def _best_form(test: SpecimenTest, terms: Sequence[Term], number: int, name: str, criteria: Criteria) -> _Fit | None:
+    """The terms with the effect of this ``name`` at the place ``number``, in the form that explains most: the best of
+    its starts, then freer as long as that gains what is significant. None where it takes no form."""
+
+    def fitted(start: Term) -> _Fit:
+        return _fitted(test, [*terms[:number], start, *terms[number + 1 :]])
+
+    begun = [fitted(start) for start in specimen_starts() if start[0].name == name]
+    found = min((fit for fit in begun if _is_a_form(*fit.terms[number])), key=lambda fit: fit.rms, default=None)
+    if found is None:
+        return None
+    asked = _freer(*found.terms[number])
+    while asked:
+        freed = fitted(asked.pop(0))
+        if _gain(found.residual, freed.residual) > criteria.significant_gain and _is_a_form(*freed.terms[number]):
+            found = freed
+            asked += _freer(*found.terms[number])
+    return found
+
+
+def _freer(effect: PiezoEffect, free: tuple[str, ...]) -> list[Term]:
+    return [(cast(PiezoEffect, form.effect), form.free) for form in effect.freer(free)]
+
+
+def _is_a_form(effect: PiezoEffect, free: Sequence[str]) -> bool:
+    """Whether no number has come to an end of its range, but for its neutral value."""
+    known = [effect.parameters()[key] for key in free]
+    values = [round(float(getattr(effect, key)), DIGITS) for key in free]
+    return all(v == k.neutral or k.low < v < k.high for v, k in zip(values, known, strict=True))
+
+
+def _gain(before: Array, after: Array) -> float:
+    """Half the change of -2 log likelihood for noise of unknown size, of residuals (N,)."""
+    return float(len(before) * np.log(_rms(before) / max(_rms(after), 1e-12)))
+
+
+def _fitted(test: SpecimenTest, starts: Sequence[Term]) -> _Fit:
+    """The terms at their best values, all fitted together."""
     known = [effect.parameters()[key] for effect, free in starts for key in free]
 
     def at(x: Array) -> list[PiezoEffect]:
@@ -112,7 +168,8 @@ def _fitted(test: SpecimenTest, starts: Sequence[Term]) -> tuple[list[Term], Arr
         x_scale=[k.typical for k in known],
         diff_step=1e-3,
     )
-    return [(effect, free) for effect, (_, free) in zip(at(fit.x), starts, strict=True)], np.asarray(fit.fun)
+    terms = [(effect, free) for effect, (_, free) in zip(at(fit.x), starts, strict=True)]
+    return _Fit(terms, np.asarray(fit.fun), np.asarray(fit.jac))
 
 
 def _rms(residual: Array) -> float:

@@ -8,6 +8,7 @@ import pytest
 from ertskin.diagnosis.criteria import DEFAULT
 from ertskin.diagnosis.specimen.fit import SpecimenTest, specimen_findings
 from ertskin.physics.effects.effect import PiezoEffect
+from ertskin.physics.effects.piezo_chain import felt
 from ertskin.physics.effects.piezo_creep import PiezoCreep
 from ertskin.physics.effects.piezo_hysteresis import PiezoHysteresis
 
@@ -19,10 +20,8 @@ def specimen(effects: tuple[PiezoEffect, ...], seed: int) -> SpecimenTest:
     cycle = np.concatenate([np.linspace(0, 6e4, 40), np.full(30, 6e4), np.linspace(6e4, 0, 40), np.zeros(20)])
     stress = np.tile(cycle, 3)
     time_s = 0.5 * np.arange(len(stress))
-    pressure = stress[:, None]
-    for effect in effects:
-        pressure = effect.effective_pressure_pa(pressure, np.zeros((1, 2)), time_s, np.zeros((2, 2)))
-    resistance = 2e4 * (0.2 + 0.8 * np.exp(-pressure[:, 0] / 2e4))
+    pressure, factor = felt(effects, stress[:, None], np.zeros((1, 2)), time_s, np.zeros((2, 2)))
+    resistance = 2e4 * (0.2 + 0.8 * np.exp(-pressure[:, 0] / 2e4)) * np.ravel(factor)
     noise = np.random.default_rng(seed).standard_normal(len(stress))
     return SpecimenTest(stress, resistance * (1 + NOISE * noise), time_s)
 
@@ -52,3 +51,31 @@ def test_both_at_once() -> None:
     findings, noise = specimen_findings(specimen((PiezoHysteresis(width=0.08), PiezoCreep(0.1, 8.0)), 3), DEFAULT)
     assert {f.effect.name for f in findings} == {"piezo_hysteresis", "piezo_creep"}
     assert noise == pytest.approx(NOISE, rel=0.15)
+
+
+@pytest.mark.parametrize(
+    "effect",
+    [
+        PiezoCreep(0.1, 1.0, half_pa=2e4, slip=1.2, multiplies=True, ages=True),
+        PiezoCreep(0.8, 2.0, decades=2.0, half_pa=2e4, unevenness=2.0, remembers_air=True, multiplies=True),
+        PiezoHysteresis(width=0.2, spread=0.6),
+    ],
+    ids=["contacts that age", "gaps of uneven widths", "plays of several widths"],
+)
+def test_a_form_that_only_freeing_leads_to_is_found(effect: PiezoEffect) -> None:
+    (found,), noise = specimen_findings(specimen((effect,), 4), DEFAULT)
+    assert noise == pytest.approx(NOISE, rel=0.15)
+    assert found.effect.name == effect.name
+    for key, error in zip(found.free, found.error, strict=True):
+        if effect.known(key).defining:
+            assert found.effect.value(key) == pytest.approx(effect.value(key), abs=5 * error), key
+
+
+def test_creep_at_once_is_another_static_law() -> None:
+    stress = np.tile(np.concatenate([np.linspace(0, 6e4, 40), np.full(30, 6e4), np.linspace(6e4, 0, 40)]), 3)
+    time_s = 0.5 * np.arange(len(stress))
+    resistance = 2e4 * (0.2 + 0.8 * np.exp(-np.maximum(stress - 8e3, 0.0) / 2e4))
+    noise = 0.001 * np.random.default_rng(5).standard_normal(len(stress))
+    findings, left = specimen_findings(SpecimenTest(stress, resistance * (1 + noise), time_s), DEFAULT)
+    assert findings == []
+    assert left > 0.004

@@ -1,0 +1,51 @@
+"""Faults of single channels that lie side by side: several faults would by chance alone, one without a name would."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import replace
+from math import comb
+
+from ertskin.diagnosis.contract.claims import Claim
+from ertskin.diagnosis.criteria import Criteria
+from ertskin.physics.effects.hypothesis import Measured
+
+RULE = "coincidence"
+
+
+def coincident(claims: Sequence[Claim], channels: int, criteria: Criteria) -> list[Claim]:
+    """Errors of several of the ``channels`` are no surer than that such faults came together by chance.
+
+    Against them stands one fault that has no name, as often as the surest names are wrong: currents that haven't
+    settled as a scan begins read low in its first channels, ever less. Which channels are off is said all the same.
+    """
+    single = [claim.effect.hypothesis.measured == Measured.CHANNEL_ERROR for claim in claims]
+    faults = [claim.effect for claim, one in zip(claims, single, strict=True) if one]
+    one_way = len({effect.value("gain") > 0 for effect in faults}) == 1
+    chance = chance_of({getattr(effect, "channel", -1) for effect in faults}, channels, one_way)
+    named, unnamed = criteria.surest_confidence * chance, 1 - criteria.surest_confidence
+    most = max(named / (named + unnamed), criteria.least_confidence)
+    return [
+        replace(claim, confidence=min(claim.confidence, most)) if one else claim
+        for claim, one in zip(claims, single, strict=True)
+    ]
+
+
+def chance_of(faulty: Collection[int], channels: int, one_way: bool) -> float:
+    """With what probability as many faults at random lie within as few channels on end of a scan (the last before the
+    first), and where they are ``one_way`` are all so."""
+    number = len(faulty)
+    if number < 2:
+        return 1.0
+    place = sorted(faulty)
+    gaps = [(after - before) % channels for before, after in zip(place, [*place[1:], place[0]], strict=True)]
+    within = channels - max(gaps) + 1
+    together = min(1.0, channels * comb(within - 1, number - 1) / comb(channels, number))
+    return together * (2.0 ** (1 - number) if one_way else 1.0)
+
+
+def is_one_fault(claims: Sequence[Claim], criteria: Criteria) -> bool:
+    """Whether errors of single channels are rather one fault without a name."""
+    return any(
+        reason.rule == RULE and reason.after < criteria.doubted_share for claim in claims for reason in claim.reasons
+    )

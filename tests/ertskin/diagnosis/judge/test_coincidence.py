@@ -1,0 +1,62 @@
+"""Several channels off side by side are rather one fault than as many."""
+
+from __future__ import annotations
+
+from itertools import combinations
+
+import numpy as np
+import pytest
+
+from ertskin.diagnosis.contract.claims import Claim
+from ertskin.diagnosis.criteria import DEFAULT
+from ertskin.diagnosis.judge.coincidence import RULE, chance_of, coincident, is_one_fault
+from ertskin.diagnosis.judge.confidence import reasoned
+from ertskin.physics.effects.channel_gain import ChannelGain
+from ertskin.physics.effects.effect import Effect
+from ertskin.physics.effects.sheet_anisotropy import SheetAnisotropy
+
+
+def claims_of(*effects: Effect) -> list[Claim]:
+    return [Claim(effect, 0.99, 2.0, {}) for effect in effects]
+
+
+def gains(*channels: int, gain: float = -0.01) -> list[Claim]:
+    return claims_of(*(ChannelGain(channel=channel, gain=gain) for channel in channels))
+
+
+def test_the_chance_of_lying_together_is_that_of_all_draws() -> None:
+    channels, number = 9, 3
+    draws = [np.array(draw) for draw in combinations(range(channels), number)]
+
+    def within(draw: np.ndarray) -> int:
+        return min(int(np.ptp((draw - turn) % channels)) + 1 for turn in range(channels))
+
+    together = np.mean([within(draw) <= 4 for draw in draws])
+    assert chance_of((8, 0, 2), channels, one_way=False) == pytest.approx(together)
+    assert chance_of((8, 0, 2), channels, one_way=True) == pytest.approx(together / 4)
+    assert chance_of((0, 3, 6), channels, one_way=False) == 1.0
+
+
+def test_one_channel_and_two_far_apart_are_as_sure_as_before() -> None:
+    assert coincident(gains(3), 24, DEFAULT) == gains(3)
+    apart = claims_of(ChannelGain(2, gain=0.01), ChannelGain(14, gain=-0.02))
+    assert [c.confidence for c in coincident(apart, 24, DEFAULT)] == pytest.approx([0.99, 0.99], abs=1e-3)
+
+
+def test_the_more_channels_lie_side_by_side_the_less_sure_they_are() -> None:
+    sure = [coincident(gains(*range(number)), 24, DEFAULT)[0].confidence for number in (1, 2, 3, 4, 5)]
+    assert sure == sorted(sure, reverse=True)
+    assert sure[1] > 0.75
+    assert sure[2] < DEFAULT.doubted_share
+    assert sure[4] == DEFAULT.least_confidence
+
+
+def test_what_else_is_named_is_as_sure_as_before() -> None:
+    claims = [*claims_of(SheetAnisotropy(stretch_x=0.1)), *gains(0, 1, 2, 3)]
+    assert coincident(claims, 24, DEFAULT)[0] == claims[0]
+
+
+def test_it_is_one_fault_where_that_is_likelier() -> None:
+    for number, expected in ((2, False), (4, True)):
+        claims = gains(*range(number))
+        assert is_one_fault(reasoned(claims, coincident(claims, 24, DEFAULT), RULE, "why"), DEFAULT) is expected
