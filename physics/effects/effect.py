@@ -151,6 +151,11 @@ class Effect:
         """What the effect does under stated conditions, by names that mean the same in any form of it."""
         return {}
 
+    def unseen(self, standard: Standard) -> dict[str, float]:
+        """What those of its quantities would be that owe most to what no reading tells, if that were there: intervals
+        hold it too."""
+        return {}
+
     def map_at(self, position_m: Array, extent_m: Array) -> Array | None:
         """(N,) logarithm of a property's factor at positions (N,2) of a sheet in the box ``extent_m`` (2,2), if any."""
         return None

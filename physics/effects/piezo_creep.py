@@ -23,6 +23,10 @@ SAME = 1e-6
 """Below it ``power`` is as good as none."""
 LEAST_LEFT = 1e-3
 """Part of the resistance that no creep takes away."""
+RISE_S, HOLD_S = 2.0, 10.0
+"""Of the press that states how much creeps."""
+MOST_PASSED = 0.8
+"""Part of a static law that faster creep makes up at most."""
 AGED = 0.03
 """What is lost of the logarithm of the resistance as contacts grow older by a factor e, where a fit of that begins."""
 
@@ -92,10 +96,7 @@ class PiezoCreep(PiezoEffect):
     def effective_pressure_pa(self, pressure_pa: Array, position_m: Array, time_s: Array, extent_m: Array) -> Array:
         if self.multiplies:
             return pressure_pa
-        drive = pressure_pa
-        if self.exponent != 1:
-            drive = AGREED_PA * (np.maximum(pressure_pa, 0.0) / AGREED_PA) ** self.exponent
-        return pressure_pa + self.fraction * self._taken_in(drive, pressure_pa, time_s)
+        return pressure_pa + self.fraction * self._taken_in(self._drive(pressure_pa), pressure_pa, time_s)
 
     def resistance_factor(
         self,
@@ -112,24 +113,52 @@ class PiezoCreep(PiezoEffect):
             taken_in = closed * np.log1p(contact_age_s(pressure_pa, time_s, self.slip) / self.time_s)
         else:
             taken_in = self._taken_in(closed, pressure_pa, time_s)
-        crept = self.fraction * (taken_in if wanted is None else taken_in[wanted])
-        if abs(self.power) < SAME:
-            return np.exp(-crept)
-        # Where more than everything would have crept away a little is left.
-        least = LEAST_LEFT**self.power if self.power > 0 else 0.0
-        return np.maximum(1.0 - self.power * crept, least) ** (1 / self.power)
+        return self._left(self.fraction * (taken_in if wanted is None else taken_in[wanted]))
 
     def quantities(self, standard: Standard) -> dict[str, float]:
         """Growth of the log conductance in 10 s of hold at half the specimen's stress after a rise of 2 s, over what
         the law without creep gains."""
-        rise_s, hold_s = 2.0, 10.0
-        time_s, pressure = standard.hold(0.5, rise_s, hold_s)
+        grown, static = self._held(standard)
+        return {"share_crept": grown / static}
+
+    def unseen(self, standard: Standard) -> dict[str, float]:
+        """The same where a decade of faster creep, as much as each of those fitted, has passed for the static law: a
+        spectrum goes on where readings no longer tell."""
+        grown, static = self._held(standard)
+        if self.decades == 0:
+            return {}
+        pressure = standard.hold(0.5, RISE_S, HOLD_S)[1][-1:]
+        faster = self.fraction / self.decades
+        if self.multiplies:
+            passed = -float(np.log(self._left(faster * touching_share(pressure, self.half_pa, self.unevenness)))[0])
+        else:
+            slower = standard.resistance(pressure / (1 + faster * float(self._drive(pressure)[0] / pressure[0])))
+            passed = float(np.log(slower / standard.resistance(pressure))[0])
+        return {"share_crept": grown / (static - min(passed, MOST_PASSED * static))}
+
+    def _held(self, standard: Standard) -> tuple[float, float]:
+        """What the log conductance gains in the hold, and by the law without creep."""
+        time_s, pressure = standard.hold(0.5, RISE_S, HOLD_S)
         asked = (pressure[:, None], np.zeros((1, 2)), time_s, standard.extent_m)
         felt, factor = self.effective_pressure_pa(*asked), np.log(self.resistance_factor(*asked))
         log = np.log(standard.resistance(felt[:, 0])) + np.ravel(factor)
         static = np.log(standard.resistance(np.array([0.0, pressure[-1]])))
-        risen = int(np.searchsorted(time_s, rise_s))
-        return {"share_crept": float((log[risen] - log[-1]) / (static[0] - static[1]))}
+        risen = int(np.searchsorted(time_s, RISE_S))
+        return float(log[risen] - log[-1]), float(static[0] - static[1])
+
+    def _drive(self, pressure_pa: Array) -> Array:
+        """What creep that adds to the pressure follows, in pascal."""
+        if self.exponent == 1:
+            return pressure_pa
+        return AGREED_PA * (np.maximum(pressure_pa, 0.0) / AGREED_PA) ** self.exponent
+
+    def _left(self, crept: Array) -> Array:
+        """What is left of the resistance where so much of its logarithm, or ``power``, has crept away."""
+        if abs(self.power) < SAME:
+            return np.exp(-crept)
+        # Where more than everything would have crept away a little is left.
+        least = LEAST_LEFT**self.power if self.power > 0 else 0.0
+        return np.asarray(np.maximum(1.0 - self.power * crept, least) ** (1 / self.power))
 
     def _taken_in(self, drive: Array, pressure_pa: Array, time_s: Array) -> Array:
         """(T,N) mean of what has followed the drive (T,N) with each time constant."""

@@ -171,8 +171,9 @@ def stated(claim: Claim, standard: Standard, spread: Spread, sensor: Sensor | No
 
 
 def quantities(effect: Effect, standard: Standard, spread: Spread) -> dict[str, Estimate]:
-    """Each quantity with its interval at 90 %, by its derivatives at the parameters found; those unknown left out."""
-    values = effect.quantities(standard)
+    """Each quantity with its interval at 90 %, by its derivatives at the parameters found, and to what it would be with
+    what no reading tells; those unknown left out."""
+    values, unseen = effect.quantities(standard), effect.unseen(standard)
     moved = [_slope(effect, standard, key, error) for key, error in zip(spread.free, spread.error, strict=True)]
     found = {}
     for name, value in values.items():
@@ -181,7 +182,9 @@ def quantities(effect: Effect, standard: Standard, spread: Spread) -> dict[str, 
         least = SMOOTH if getattr(effect, "nodes", ()) else effect.form_error
         half = max(QUANTILE * error, least * _size(values, name))
         if np.isfinite([value, half]).all():
-            found[name] = Estimate(value, value - half, value + half, UNITS.get(name[-2:], "1"))
+            other = unseen.get(name, value)
+            low, high = min(value - half, other), max(value + half, other)
+            found[name] = Estimate(value, low, high, UNITS.get(name[-2:], "1"))
     return found
 
 
