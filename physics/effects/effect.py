@@ -152,8 +152,8 @@ class Effect:
         return {}
 
     def unseen(self, standard: Standard) -> dict[str, float]:
-        """What those of its quantities would be that owe most to what no reading tells, if that were there: intervals
-        hold it too."""
+        """Quantities as they would be with more of the effect where no reading tells it: their intervals reach so far.
+        Those that owe nothing to that are left out."""
         return {}
 
     def map_at(self, position_m: Array, extent_m: Array) -> Array | None:
@@ -192,6 +192,11 @@ class Effect:
     def within_scans(self, protocol: Protocol) -> Self:
         """The same as readings show it where forces, each a mean over its scan, drive the skin."""
         return self
+
+    @property
+    def lags(self) -> bool:
+        """Whether it follows a press later than at once."""
+        return True
 
     def at_once(self, free: tuple[str, ...]) -> Start | None:
         """What follows a press at once, as a static law does, where the effect, its parameters ``free``, would follow

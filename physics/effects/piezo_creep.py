@@ -21,6 +21,8 @@ STEPS = np.linspace(0.0, 1.0, 6)
 AGREED_PA = 1e4
 SAME = 1e-6
 """Below it ``power`` is as good as none."""
+NEAR = 1e-3
+"""Part of a number by which it may differ from the end of its range and be there."""
 LEAST_LEFT = 1e-3
 """Part of the resistance that no creep takes away."""
 RISE_S, HOLD_S = 2.0, 10.0
@@ -122,13 +124,15 @@ class PiezoCreep(PiezoEffect):
         return {"share_crept": grown / static}
 
     def unseen(self, standard: Standard) -> dict[str, float]:
-        """The same where a decade of faster creep, as much as each of those fitted, has passed for the static law: a
-        spectrum goes on where readings no longer tell."""
-        grown, static = self._held(standard)
-        if self.decades == 0:
+        """The same if a decade of creep faster than what is fitted, as much as in each decade of that, passed for the
+        static law: a spectrum goes on where readings no longer tell it."""
+        # Of the decade below the fastest that is fitted what a rise doesn't tell from the law.
+        decades = float(np.clip(np.log10(RISE_S / (0.1 * self.time_s)), 0.0, 1.0))
+        if self.decades == 0 or decades == 0:
             return {}
+        grown, static = self._held(standard)
         pressure = standard.hold(0.5, RISE_S, HOLD_S)[1][-1:]
-        faster = self.fraction / self.decades
+        faster = decades * self.fraction / max(self.decades, 1.0)
         if self.multiplies:
             passed = -float(np.log(self._left(faster * touching_share(pressure, self.half_pa, self.unevenness)))[0])
         else:
@@ -193,7 +197,10 @@ class PiezoCreep(PiezoEffect):
         )
 
     def freer(self, free: tuple[str, ...]) -> tuple[Start, ...]:
-        """How it depends on pressure, in either form; where it multiplies then how uneven gaps are, or their age."""
+        """How it depends on time, then on pressure, in either form; where it multiplies then how uneven gaps are, or
+        their age."""
+        if "time_s" not in free:
+            return (Start(self, (*free, *self._shape)),)
         if self.ages:
             return () if "slip" in free else (Start(self, (*free, "half_pa", "slip")),)
         if not {"exponent", "half_pa"} & set(free):
@@ -214,10 +221,26 @@ class PiezoCreep(PiezoEffect):
             return (Start(replace(aged, fraction=AGED, exponent=1.0), ageing),)
         return Start(self.changed({"unevenness": 0.3}), (*free, "unevenness", "power")), Start(aged, ageing)
 
+    @property
+    def _shape(self) -> tuple[str, ...]:
+        """The numbers that its form has, but for how much there is."""
+        if self.ages:
+            return "time_s", "half_pa", "slip"
+        spread = ("time_s", "decades") if self.decades > 0 else ("time_s",)
+        if not self.multiplies:
+            return (*spread, "exponent") if self.exponent != 1 else spread
+        uneven = ("unevenness", "power") if self.unevenness > 0 or self.power != 0 else ()
+        return (*spread, "half_pa", *uneven)
+
+    @property
+    def lags(self) -> bool:
+        return self.decades > 0 or self.time_s > (1 + NEAR) * self.known("time_s").low
+
     def at_once(self, free: tuple[str, ...]) -> Start | None:
-        """The law that is left where nothing lags."""
+        """The law that is left where nothing lags, free in all that its form has."""
         if self.ages or not (self.multiplies or self.exponent != 1):
             return None
         least_s = self.known("time_s").low
         at_once = replace(self, time_s=least_s, decades=0.0, remembers_air=False)
-        return Start(at_once, tuple(key for key in free if key not in ("time_s", "decades")))
+        shape = dict.fromkeys((*free, *self._shape))
+        return Start(at_once, tuple(key for key in shape if key not in ("time_s", "decades")))

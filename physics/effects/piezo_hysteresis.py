@@ -87,7 +87,9 @@ class PiezoHysteresis(PiezoEffect):
         return Start(cls(), ("width",), ("width",)), *lagging
 
     def freer(self, free: tuple[str, ...]) -> tuple[Start, ...]:
-        return (Start(self.changed({"spread": 0.3}), ("width", "spread")),) if free == ("width",) else ()
+        if free == ("lag",):
+            return (Start(self, ("lag", "way_pa")),)
+        return (Start(self.changed({"spread": self.spread or 0.3}), ("width", "spread")),) if free == ("width",) else ()
 
 
 @njit(cache=True, nogil=True)

@@ -235,14 +235,14 @@ def _shown(evidence: Evidence, baseline: Baseline) -> Shown:
     freed where that predicts better. With all numbers free one that fitted to 1.01 predicted presses held out wildly,
     and so was left out, and specimen and skin seemed to disagree (c306 of `final310`).
     """
-    found = [(_sized(f), f.rivals) for f in baseline.specimen_findings]
+    found = [(_with_size_free(f), f.rivals) for f in baseline.specimen_findings]
     if baseline.displaced is not None:
         starts = type(baseline.displaced).reading_starts(evidence.sensor, evidence.protocol)
         found.append((Term(baseline.displaced, starts[0].free), ()))
     return found
 
 
-def _sized(finding: SpecimenFinding) -> Term:
+def _with_size_free(finding: SpecimenFinding) -> Term:
     """What the specimen has shown, with only its size free."""
     known = finding.effect.parameters()
     return Term(finding.effect, tuple(key for key in finding.free if known[key].defining))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -60,6 +62,22 @@ def test_creep_that_multiplies_is_measured_by_the_same_quantity() -> None:
     ).quantities(standard())["share_crept"]
     # Far below half_pa the gaps that close are ln 2 p / half_pa, where the other takes p over the law's 1e5 Pa.
     assert multiplied == pytest.approx(added * np.log(2) / 10, rel=0.05)
+
+
+@pytest.mark.parametrize("form", [{}, {"multiplies": True, "half_pa": 1e6}], ids=["adds", "multiplies"])
+def test_a_decade_of_creep_that_no_reading_tells_may_have_passed_for_the_law(form: dict[str, Any]) -> None:
+    """What creeps with time constants of 0.2 s to 2 s has crept once a rise is over."""
+    creep = PiezoCreep(fraction=0.6, time_s=2.0, decades=2.0, remembers_air=True, **form)
+    known, unseen = (said["share_crept"] for said in (creep.quantities(standard()), creep.unseen(standard())))
+    law = standard().resistance(np.array([0.0, LARGEST_PA / 2]))
+    static = float(np.log(law[0] / law[1]))
+    passed = 0.3 * (1 - 2 ** (-LARGEST_PA / 2 / 1e6)) if form else static * 0.3 / 1.3
+    assert unseen == pytest.approx(known * static / (static - passed), rel=1e-3)
+
+
+@pytest.mark.parametrize("creep", [PiezoCreep(0.3, 4.0), PiezoCreep(0.3, 20.0, decades=2.0)], ids=["one", "slow"])
+def test_what_readings_tell_has_not_passed_for_the_law(creep: PiezoCreep) -> None:
+    assert creep.unseen(standard()) == {}
 
 
 def test_a_slope_and_its_map() -> None:

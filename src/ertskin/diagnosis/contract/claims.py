@@ -112,6 +112,7 @@ class Claim:
     ``confidence`` is that of its name and, of a field that predicts presses, of a map that does;
     ``name_confidence`` that of the name alone where it is another.
     ``rivals``: what else was fitted in its stead; ``reasons`` for the confidence, in the order in which they count.
+    ``of_specimen``: parameters that the readings' fit has taken as the specimen tells them.
     ``quantities`` mean the same in any form of the effect; ``field_map`` is of an effect that has a
     field. ``by_force``: force over depth alone has named it. ``misfits_by_place``: of the presses fitted, over noise,
     without the field that it is and with it told place by place; ``by_place``: that is what makes it sure, and nothing
@@ -131,6 +132,7 @@ class Claim:
     misfits_by_place: tuple[float, float] | None = None
     by_place: bool = False
     name_confidence: float | None = None
+    of_specimen: dict[str, Estimate] = field(default_factory=dict)
 
     @property
     def named(self) -> float:
@@ -173,7 +175,7 @@ class Claim:
     def shown(self) -> dict[str, Estimate]:
         """The parameters, of several of a kind their mean and range; of an effect that has none, its quantities."""
         found: dict[str, list[Estimate]] = {}
-        for key, one in (self.parameters or self.quantities).items():
+        for key, one in ((self.parameters | self.of_specimen) or self.quantities).items():
             found.setdefault(key.partition("[")[0], []).append(one)
         return {
             key if len(several) == 1 else f"{key} of {len(several)}": Estimate(
@@ -202,6 +204,7 @@ class Claim:
             "confidence_everywhere": round(self.right_everywhere, 3),
             "ratio_alone": round(self.ratio_alone, 4),
             "parameters": {key: e.as_builtins() for key, e in self.parameters.items()}
+            | {key: {**e.as_builtins(), "source": "specimen"} for key, e in self.of_specimen.items()}
             | {
                 key: {"value": value, "low": value, "high": value, "unit": "1", "level": LEVEL}
                 for key, value in self.effect.settings().items()

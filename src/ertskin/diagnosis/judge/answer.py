@@ -49,6 +49,7 @@ from ertskin.diagnosis.recording.split import SPLIT
 from ertskin.diagnosis.rest.baseline import Baseline
 from ertskin.diagnosis.rest.rest_frames import STANDS_OUT
 from ertskin.diagnosis.search.chosen import Chosen, Selection
+from ertskin.diagnosis.search.forms import law_of
 from ertskin.diagnosis.specimen.fit import SpecimenFinding
 from ertskin.physics.effects.effect import Stage, shown_by
 from ertskin.physics.effects.hypothesis import Measured, Signal
@@ -190,8 +191,8 @@ def _depends_on(case: Case, claims: list[Claim], verdict: str, jitters: bool, te
 def _claims(case: Case) -> list[Claim]:
     """Every claim with its confidence, the largest first and contacts that wander last."""
     selection = case.selection
-    known = case.baseline.specimen_findings
-    claims = [_voltage_claim(selection, chosen, k, known) for k, chosen in enumerate(selection.chosen)]
+    shown = case.baseline.specimen_findings if selection.specimen == "agrees" else ()
+    claims = [_voltage_claim(selection, chosen, k, shown) for k, chosen in enumerate(selection.chosen)]
     claims += [*case.force.claims, *drift_claims(selection, case.baseline.settling)]
     claims = [_against_rivals(claim) for claim in claims]
     for rule, why, judged in _rules(case):
@@ -233,8 +234,8 @@ def _rules(case: Case) -> list[tuple[str, str, Callable[[list[Claim]], list[Clai
             "it explains what stands at rest, but little of what presses change",
             lambda c: static_only(c, residuals, rest, criteria, found_at_rest),
         ),
-        *_rules_of_channels(case),
         ("spoiling", SPOILT, lambda c: spoiling(c, criteria, misled=misled, spoilt=spoilt)),
+        *_rules_of_channels(case),
         ("maps", "fields so sure have had the right map less often", of_maps),
     ]
 
@@ -378,28 +379,35 @@ def _leftover_after(evidence: Evidence, selection: Selection) -> float:
     return float(np.sqrt((left[left != 0] ** 2).mean() / evidence.leftover_share))
 
 
-def _voltage_claim(selection: Selection, chosen: Chosen, number: int, of_specimen: Sequence[SpecimenFinding]) -> Claim:
-    """A chosen term with what is known of its parameters, also of those that were taken from the specimen."""
+def _voltage_claim(selection: Selection, chosen: Chosen, number: int, shown: Sequence[SpecimenFinding]) -> Claim:
+    """A chosen term as a claim, with what the specimen has ``shown`` of the same form."""
     solved = selection.after
     first = len(solved.terms) - len(selection.chosen)
     term = solved.terms[first + number]
     estimates = {key: estimate(*solved.known(first + number, key), term.effect.known(key)) for key in term.free}
-    for finding in of_specimen:
-        estimates |= _taken(term, finding)
     confidence, alternatives = against(chosen.rivals, selection.problem.evidence.criteria)
     ratio, rivals = chosen.ratio_alone, chosen.rivals
-    return Claim(term.effect, confidence, ratio, estimates, alternatives, rivals, misfits_by_place=chosen.by_place)
+    of_specimen = {key: one for finding in shown for key, one in _taken(term, finding).items()}
+    return Claim(
+        term.effect,
+        confidence,
+        ratio,
+        estimates,
+        alternatives,
+        rivals,
+        misfits_by_place=chosen.by_place,
+        of_specimen=of_specimen,
+    )
 
 
 def _taken(term: Term, finding: SpecimenFinding) -> dict[str, Estimate]:
     """Parameters that a term has taken from what the specimen has shown of its effect."""
-    if finding.effect.name != term.name or any(
-        term.effect.value(k) != finding.effect.value(k) for k in finding.free if k not in term.free
-    ):
+    held = [key for key in finding.free if key not in term.free]
+    alike = finding.effect.name == term.name and law_of(term) == law_of(Term(finding.effect, finding.free))
+    if not alike or any(term.effect.value(key) != finding.effect.value(key) for key in held):
         return {}
-    known = term.effect.parameters()
-    shown = zip(finding.free, finding.error, strict=True)
-    return {k: estimate(term.effect.value(k), error, known[k]) for k, error in shown if k not in term.free}
+    error = dict(zip(finding.free, finding.error, strict=True))
+    return {key: estimate(term.effect.value(key), error[key], term.effect.known(key)) for key in held}
 
 
 def _electrodes(case: Case, claims: list[Claim], jitters: bool) -> tuple[int, ...]:

@@ -20,15 +20,21 @@ def coincident(claims: Sequence[Claim], channels: int, criteria: Criteria) -> li
     settled as a scan begins read low in its first channels, ever less. Which channels are off is said all the same.
     """
     single = [claim.effect.hypothesis.measured == Measured.CHANNEL_ERROR for claim in claims]
-    faults = [claim.effect for claim, one in zip(claims, single, strict=True) if one]
-    one_way = len({effect.value("gain") > 0 for effect in faults}) == 1
-    chance = chance_of({getattr(effect, "channel", -1) for effect in faults}, channels, one_way)
+    faults = [claim for claim, one in zip(claims, single, strict=True) if one]
+    one_way = len({_surest(claim) > 0 for claim in faults}) == 1
+    chance = chance_of({getattr(claim.effect, "channel", -1) for claim in faults}, channels, one_way)
     named, unnamed = criteria.surest_confidence * chance, 1 - criteria.surest_confidence
     most = max(named / (named + unnamed), criteria.least_confidence)
     return [
         replace(claim, confidence=min(claim.confidence, most)) if one else claim
         for claim, one in zip(claims, single, strict=True)
     ]
+
+
+def _surest(claim: Claim) -> float:
+    """A channel's gain or its offset, whichever is known better."""
+    known = max(claim.parameters.values(), key=lambda e: abs(e.value) / max(e.high - e.low, 1e-300), default=None)
+    return claim.effect.value("gain") if known is None else known.value
 
 
 def chance_of(faulty: Collection[int], channels: int, one_way: bool) -> float:

@@ -38,7 +38,7 @@ from ertskin.diagnosis.search.trials import (
 )
 from ertskin.diagnosis.specimen.signal import remembers_alike
 from ertskin.physics.conduction.mesh import MeshError
-from ertskin.physics.effects.effect import ElectrodeEffect
+from ertskin.physics.effects.effect import ElectrodeEffect, PiezoEffect
 from ertskin.physics.effects.piezo_chain import in_fabric
 
 RUN_AWAY = 0.4
@@ -66,13 +66,12 @@ def select(
     report(0.15, "fitting the calibration")
     incumbent = _calibrated(build, fixed, start)
     before = incumbent.solved
-    if begun:
-        proposed = _begun(build, incumbent, [*fixed, *(term for term, _ in begun)])
-        if proposed is not None:
-            incumbent, fixed = _without_drifts(build, proposed, fixed)
-        # A form is freed about the fit itself: further off it would mend what linearising leaves.
-        incumbent = refined(build, incumbent, partitions)
+    proposed = _begun(build, incumbent, [*fixed, *(term for term, _ in begun)]) if begun else None
+    if proposed is not None:
+        incumbent, fixed = _without_drifts(build, proposed, fixed)
     search = _Search(build, partitions, report, len(fixed), {key_of(term): rivals for term, rivals in begun})
+    if proposed is not None:
+        incumbent = search.begun_with(incumbent)
     chosen, incumbent = search.found(incumbent) if begun else search.found_remembering(incumbent, start)
     specimen = None if incumbent.problem.specimen is None else "agrees"
     if search.disagrees or search.specimen_differs(incumbent):
@@ -129,6 +128,16 @@ class _Search:
     tried: list[Tried] = field(default_factory=list)
     disagrees: bool = False
     forms: list[OtherForm] = field(default_factory=list)
+
+    def begun_with(self, incumbent: CheckedFit) -> CheckedFit:
+        """A fit with what another signal has shown once more of it is free; without the specimen at once where the skin
+        has nothing of what that remembers."""
+        if self.specimen_differs(incumbent):
+            _, without = self.pruned(incumbent)
+            if not any(isinstance(effect, PiezoEffect) for effect in without.solved.effects):
+                return self.by_own_readings(without)
+        # A form is freed about the fit itself: further off it would mend what linearising leaves.
+        return refined(self.build, incumbent, self.partitions)
 
     def grown(self, incumbent: CheckedFit) -> CheckedFit:
         """With one term more after the other, while one gains enough and they aren't too many; asked once at least, but

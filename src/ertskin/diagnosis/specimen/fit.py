@@ -22,8 +22,8 @@ Array = NDArray[np.float64]
 
 ORDER = 9
 """Of the free law: a law that is no fifth-order polynomial is no physics left out."""
-DIGITS = 9
-"""Decimals of a number that count: nearer to an end of its range it is there."""
+STEP = 1e-2
+"""Of a parameter's typical size, for derivatives."""
 Term = tuple[PiezoEffect, tuple[str, ...]]
 """An effect and the parameters of it that are fitted."""
 
@@ -53,17 +53,19 @@ class SpecimenTest:
 
 @dataclass(frozen=True, eq=False)
 class SpecimenFinding:
-    """An effect, the parameters fitted, what else was fitted in its stead, and the parameters' standard errors."""
+    """An effect, the parameters fitted, what else was fitted in its stead, and the parameters' standard errors, as if
+    readings were independent."""
 
     effect: PiezoEffect
     free: tuple[str, ...]
     rivals: tuple[Rival, ...]
-    error: tuple[float, ...] = ()
+    error: tuple[float, ...]
 
 
 @dataclass(frozen=True, eq=False)
 class _Fit:
-    """Terms at their best values, fitted together: the ``residual`` (N,) and its derivatives (N,n) by what is free."""
+    """Terms at their best values, fitted together: the ``residual`` (N,) and its derivatives (N,n) by what is free, in
+    typical sizes."""
 
     terms: list[Term]
     residual: Array
@@ -74,78 +76,83 @@ class _Fit:
         return _rms(self.residual)
 
     def errors(self, noise: float) -> list[tuple[float, ...]]:
-        """Standard errors of each term's numbers, for ``noise`` of a reading."""
-        error = iter(noise * np.sqrt(np.diag(np.linalg.pinv(self.slope.T @ self.slope))))
-        return [tuple(float(next(error)) for _ in free) for _, free in self.terms]
+        """Standard errors of each term's numbers, for ``noise`` of a reading; infinite where nothing tells them."""
+        variance = np.diag(np.linalg.pinv(self.slope.T @ self.slope))
+        told = np.abs(self.slope).max(axis=0, initial=0.0) > 0
+        error = iter(np.where(told, noise * np.sqrt(variance), np.inf))
+        return [tuple(float(next(error)) * effect.known(key).typical for key in free) for effect, free in self.terms]
 
 
 def specimen_findings(test: SpecimenTest, criteria: Criteria) -> tuple[list[SpecimenFinding], float]:
     """Effects that the specimen's loop shows, the strongest first, and the relative noise that they leave.
 
     An effect enters, in the form that explains most, when its gain is significant, no less than a form's share of the
-    largest gain before it, and material. What the first one's form may have left the readings may still name. A form
-    that is fitted at an end of a number's range is none: creep at once is another static law (two dead zones of
-    `final310` were called that).
+    largest gain before it, and material. What the first one's form may have left the readings may still name.
     """
     names = list(dict.fromkeys(effect.name for effect, _ in specimen_starts()))
     rivals: list[tuple[Rival, ...]] = []
-    best, largest = _Fit([], test.residual(()), np.zeros((len(test.stress_pa), 0))), 0.0
+    best, largest = _fitted(test, []), 0.0
     while len(best.terms) < len(names):
         taken = {effect.name for effect, _ in best.terms}
         tried = [_best_form(test, best.terms, len(taken), name, criteria) for name in names if name not in taken]
         fits = sorted((fit for fit in tried if fit is not None), key=lambda fit: fit.rms)
         gains = [_gain(best.residual, fit.residual) for fit in fits]
-        least = max(criteria.significant_gain, criteria.second_share * largest)
+        least = max(criteria.significant_gain, criteria.form_share * largest)
         if not fits or gains[0] < least or best.rms < criteria.material_ratio * fits[0].rms:
             break
-        largest, best = max(largest, gains[0]), _reformed(test, fits[0], criteria)
+        reformed = _reformed(test, fits[0], criteria)
+        if len(reformed.terms) < len(fits[0].terms):
+            # In its other form the one before leaves the last nothing to explain.
+            best = reformed
+            break
+        largest, best = max(largest, gains[0]), reformed
         others = zip(fits[1:], gains[1:], strict=True)
         rivals.append(tuple(Rival(fit.terms[-1][0], gains[0] - gain) for fit, gain in others))
     freedom = len(best.residual) - ORDER - 1 - best.slope.shape[1]
     noise = float(np.sqrt((best.residual**2).sum() / max(freedom, 1)))
-    errors = best.errors(noise)
-    found = zip(best.terms, rivals, errors, strict=True)
+    found = zip(best.terms, rivals, best.errors(noise), strict=True)
     return [SpecimenFinding(*term, others, error) for term, others, error in found], noise
 
 
 def _reformed(test: SpecimenTest, fit: _Fit, criteria: Criteria) -> _Fit:
-    """The same effects in their other forms too: one chosen while another effect was missing did its part."""
+    """The same effects, those before the last in their other forms too, for one chosen while another effect was missing
+    did its part; without the last where these do as well alone."""
     for number, (effect, _) in enumerate(fit.terms[:-1]):
         other = _best_form(test, fit.terms, number, effect.name, criteria)
         if other is not None and other.rms < fit.rms:
             fit = other
-    return fit
+    if len(fit.terms) == 1:
+        return fit
+    alone = _fitted(test, fit.terms[:-1])
+    needed = _gain(alone.residual, fit.residual) > criteria.significant_gain
+    return fit if needed and alone.rms >= criteria.material_ratio * fit.rms else alone
 
 
 def _best_form(test: SpecimenTest, terms: Sequence[Term], number: int, name: str, criteria: Criteria) -> _Fit | None:
     """The terms with the effect of this ``name`` at the place ``number``, in the form that explains most: the best of
-    its starts, then freer as long as that gains what is significant. None where it takes no form."""
+    its starts, then freer as long as that gains what is significant. None where another law that follows the stress at
+    once explains as much: a dead zone is no creep (two of `final310`)."""
 
     def fitted(start: Term) -> _Fit:
         return _fitted(test, [*terms[:number], start, *terms[number + 1 :]])
 
-    begun = [fitted(start) for start in specimen_starts() if start[0].name == name]
-    found = min((fit for fit in begun if _is_a_form(*fit.terms[number])), key=lambda fit: fit.rms, default=None)
-    if found is None:
-        return None
+    found = min((fitted(start) for start in specimen_starts() if start[0].name == name), key=lambda fit: fit.rms)
     asked = _freer(*found.terms[number])
     while asked:
         freed = fitted(asked.pop(0))
-        if _gain(found.residual, freed.residual) > criteria.significant_gain and _is_a_form(*freed.terms[number]):
+        if _gain(found.residual, freed.residual) > criteria.significant_gain:
             found = freed
             asked += _freer(*found.terms[number])
-    return found
+    effect, free = found.terms[number]
+    static = effect.at_once(free)
+    if static is None:
+        return found if effect.lags else None
+    at_once = fitted((cast(PiezoEffect, static.effect), static.free))
+    return found if _gain(at_once.residual, found.residual) > criteria.significant_gain else None
 
 
 def _freer(effect: PiezoEffect, free: tuple[str, ...]) -> list[Term]:
     return [(cast(PiezoEffect, form.effect), form.free) for form in effect.freer(free)]
-
-
-def _is_a_form(effect: PiezoEffect, free: Sequence[str]) -> bool:
-    """Whether no number has come to an end of its range, but for its neutral value."""
-    known = [effect.parameters()[key] for key in free]
-    values = [round(float(getattr(effect, key)), DIGITS) for key in free]
-    return all(v == k.neutral or k.low < v < k.high for v, k in zip(values, known, strict=True))
 
 
 def _gain(before: Array, after: Array) -> float:
@@ -156,20 +163,28 @@ def _gain(before: Array, after: Array) -> float:
 def _fitted(test: SpecimenTest, starts: Sequence[Term]) -> _Fit:
     """The terms at their best values, all fitted together."""
     known = [effect.parameters()[key] for effect, free in starts for key in free]
+    low, high, typical = (np.array([getattr(k, name) for k in known]) for name in ("low", "high", "typical"))
 
-    def at(x: Array) -> list[PiezoEffect]:
+    def residual(x: Array) -> Array:
         values = iter(map(float, x))
-        return [effect.changed({key: next(values) for key in free}) for effect, free in starts]
+        return test.residual([effect.changed({key: next(values) for key in free}) for effect, free in starts])
 
-    fit = least_squares(
-        lambda x: test.residual(at(x)),
-        [getattr(effect, key) for effect, free in starts for key in free],
-        bounds=([k.low for k in known], [k.high for k in known]),
-        x_scale=[k.typical for k in known],
-        diff_step=1e-3,
-    )
-    terms = [(effect, free) for effect, (_, free) in zip(at(fit.x), starts, strict=True)]
-    return _Fit(terms, np.asarray(fit.fun), np.asarray(fit.jac))
+    def slope(x: Array) -> Array:
+        # A power of nought is none, and a step near it too small to be any.
+        columns = []
+        for k in range(len(x)):
+            less, more = x.copy(), x.copy()
+            less[k], more[k] = max(x[k] - STEP * typical[k], low[k]), min(x[k] + STEP * typical[k], high[k])
+            columns.append((residual(more) - residual(less)) / (more[k] - less[k]))
+        return np.stack(columns, axis=1)
+
+    if not known:
+        return _Fit(list(starts), residual(np.zeros(0)), np.zeros((len(residual(np.zeros(0))), 0)))
+    begin = [getattr(effect, key) for effect, free in starts for key in free]
+    fit = least_squares(residual, begin, jac=slope, bounds=(low, high), x_scale=typical)
+    values = iter(map(float, fit.x))
+    terms = [(effect.changed({key: next(values) for key in free}), free) for effect, free in starts]
+    return _Fit(terms, np.asarray(fit.fun), np.asarray(fit.jac) * typical)
 
 
 def _rms(residual: Array) -> float:

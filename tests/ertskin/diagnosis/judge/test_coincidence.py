@@ -7,7 +7,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from ertskin.diagnosis.contract.claims import Claim
+from ertskin.diagnosis.contract.claims import Claim, Estimate
 from ertskin.diagnosis.criteria import DEFAULT
 from ertskin.diagnosis.judge.coincidence import RULE, chance_of, coincident, is_one_fault
 from ertskin.diagnosis.judge.confidence import reasoned
@@ -41,6 +41,17 @@ def test_one_channel_and_two_far_apart_are_as_sure_as_before() -> None:
     assert coincident(gains(3), 24, DEFAULT) == gains(3)
     apart = claims_of(ChannelGain(2, gain=0.01), ChannelGain(14, gain=-0.02))
     assert [c.confidence for c in coincident(apart, 24, DEFAULT)] == pytest.approx([0.99, 0.99], abs=1e-3)
+
+
+def test_offsets_go_one_way_by_themselves() -> None:
+    offset = Estimate(0.01, 0.0099, 0.0101, "V")
+
+    def claim(channel: int, gain: float) -> Claim:
+        known = {"gain": Estimate(gain, gain - 1e-5, gain + 1e-5, "1"), "offset_v": offset}
+        return Claim(ChannelGain(channel, gain=gain, offset_v=0.01), 0.99, 2.0, known)
+
+    turning = coincident([claim(k, (-1) ** k * 1e-6) for k in range(3)], 24, DEFAULT)
+    assert turning[0].confidence == coincident(gains(0, 1, 2), 24, DEFAULT)[0].confidence
 
 
 def test_the_more_channels_lie_side_by_side_the_less_sure_they_are() -> None:

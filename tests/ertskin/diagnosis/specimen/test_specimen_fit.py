@@ -58,9 +58,10 @@ def test_both_at_once() -> None:
     [
         PiezoCreep(0.1, 1.0, half_pa=2e4, slip=1.2, multiplies=True, ages=True),
         PiezoCreep(0.8, 2.0, decades=2.0, half_pa=2e4, unevenness=2.0, remembers_air=True, multiplies=True),
+        PiezoCreep(0.8, 2.0, decades=2.0, half_pa=2e4, power=-0.8, remembers_air=True, multiplies=True),
         PiezoHysteresis(width=0.2, spread=0.6),
     ],
-    ids=["contacts that age", "gaps of uneven widths", "plays of several widths"],
+    ids=["contacts that age", "gaps of uneven widths", "a power", "plays of several widths"],
 )
 def test_a_form_that_only_freeing_leads_to_is_found(effect: PiezoEffect) -> None:
     (found,), noise = specimen_findings(specimen((effect,), 4), DEFAULT)
@@ -71,11 +72,20 @@ def test_a_form_that_only_freeing_leads_to_is_found(effect: PiezoEffect) -> None
             assert found.effect.value(key) == pytest.approx(effect.value(key), abs=5 * error), key
 
 
-def test_creep_at_once_is_another_static_law() -> None:
-    stress = np.tile(np.concatenate([np.linspace(0, 6e4, 40), np.full(30, 6e4), np.linspace(6e4, 0, 40)]), 3)
+def test_creep_over_as_many_decades_as_there_may_be_is_creep_alone() -> None:
+    creep = PiezoCreep(1.0, 0.3, decades=6.0, half_pa=2e4, remembers_air=True, multiplies=True)
+    (found,), noise = specimen_findings(specimen((creep,), 4), DEFAULT)
+    assert found.effect.name == "piezo_creep"
+    assert noise == pytest.approx(NOISE, rel=0.15)
+
+
+@pytest.mark.parametrize(("dead_pa", "in_air"), [(8e3, 0), (4e3, 20), (8e3, 20)])
+def test_creep_at_once_is_another_static_law(dead_pa: float, in_air: int) -> None:
+    press = [np.linspace(0, 6e4, 40), np.full(30, 6e4), np.linspace(6e4, 0, 40), np.zeros(in_air)]
+    stress = np.tile(np.concatenate(press), 3)
     time_s = 0.5 * np.arange(len(stress))
-    resistance = 2e4 * (0.2 + 0.8 * np.exp(-np.maximum(stress - 8e3, 0.0) / 2e4))
-    noise = 0.001 * np.random.default_rng(5).standard_normal(len(stress))
+    resistance = 2e4 * (0.2 + 0.8 * np.exp(-np.maximum(stress - dead_pa, 0.0) / 2e4))
+    noise = 0.001 * np.random.default_rng(6).standard_normal(len(stress))
     findings, left = specimen_findings(SpecimenTest(stress, resistance * (1 + noise), time_s), DEFAULT)
     assert findings == []
-    assert left > 0.004
+    assert left > 0.002
