@@ -193,11 +193,6 @@ class Effect:
         """The same as readings show it where forces, each a mean over its scan, drive the skin."""
         return self
 
-    @property
-    def lags(self) -> bool:
-        """Whether it follows a press later than at once."""
-        return True
-
     def at_once(self, free: tuple[str, ...]) -> Start | None:
         """What follows a press at once, as a static law does, where the effect, its parameters ``free``, would follow
         in time; None of what has no such limit, or none that the law at hand doesn't hold already."""

@@ -21,8 +21,6 @@ STEPS = np.linspace(0.0, 1.0, 6)
 AGREED_PA = 1e4
 SAME = 1e-6
 """Below it ``power`` is as good as none."""
-NEAR = 1e-3
-"""Part of a number by which it may differ from the end of its range and be there."""
 LEAST_LEFT = 1e-3
 """Part of the resistance that no creep takes away."""
 RISE_S, HOLD_S = 2.0, 10.0
@@ -197,10 +195,11 @@ class PiezoCreep(PiezoEffect):
         )
 
     def freer(self, free: tuple[str, ...]) -> tuple[Start, ...]:
-        """How it depends on time, then on pressure, in either form; where it multiplies then how uneven gaps are, or
-        their age."""
+        """How it depends on pressure, in either form; where it multiplies then how uneven gaps are, or their age. Of
+        one whose size alone is free first all that its form has."""
         if "time_s" not in free:
-            return (Start(self, (*free, *self._shape)),)
+            whole = (*free, *self._shape)
+            return Start(self, whole), *self.freer(whole)
         if self.ages:
             return () if "slip" in free else (Start(self, (*free, "half_pa", "slip")),)
         if not {"exponent", "half_pa"} & set(free):
@@ -232,15 +231,12 @@ class PiezoCreep(PiezoEffect):
         uneven = ("unevenness", "power") if self.unevenness > 0 or self.power != 0 else ()
         return (*spread, "half_pa", *uneven)
 
-    @property
-    def lags(self) -> bool:
-        return self.decades > 0 or self.time_s > (1 + NEAR) * self.known("time_s").low
-
     def at_once(self, free: tuple[str, ...]) -> Start | None:
-        """The law that is left where nothing lags, free in all that its form has."""
-        if self.ages or not (self.multiplies or self.exponent != 1):
+        """The law that is left where nothing lags, free in all that its form has; gaps that close where contacts age,
+        for at one pace their age is such a law's shape."""
+        if not (self.multiplies or self.exponent != 1):
             return None
         least_s = self.known("time_s").low
-        at_once = replace(self, time_s=least_s, decades=0.0, remembers_air=False)
+        at_once = replace(self, time_s=least_s, decades=0.0, remembers_air=False, ages=False, slip=1.0)
         shape = dict.fromkeys((*free, *self._shape))
-        return Start(at_once, tuple(key for key in shape if key not in ("time_s", "decades")))
+        return Start(at_once, tuple(key for key in shape if key not in ("time_s", "decades", "slip")))

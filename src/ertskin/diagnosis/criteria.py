@@ -163,9 +163,9 @@ class Criteria:
         0.25,
         "share of an excess square misfit",
         "part of an effect's excess that its form, never exactly the skin's, may leave to others: a smaller field, or "
-        "contact that wanders, of the same kind beside it loses confidence; of an effect's gain what a further one of "
-        "the specimen must reach",
-        "310 specimens of final310, none with two effects: second ones reach 7 to 16 % of the first one's gain in five",
+        "contact that wanders, of the same kind beside it loses confidence; what a specimen's memory must gain over a "
+        "law without any lag, of all that it explains",
+        UNMEASURED,
         least=0,
         most=1,
     )

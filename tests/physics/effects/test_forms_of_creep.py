@@ -43,7 +43,9 @@ def test_no_form_frees_for_ever() -> None:
     ids=["one time constant", "powers of the pressure", "gaps that close", "uneven gaps", "contacts that age"],
 )
 def test_creep_of_a_known_shape_may_first_have_that_free(effect: PiezoCreep, shape: tuple[str, ...]) -> None:
-    assert effect.freer(("fraction",)) == (Start(effect, ("fraction", *shape)),)
+    whole, *freer = effect.freer(("fraction",))
+    assert whole == Start(effect, ("fraction", *shape))
+    assert tuple(freer) == effect.freer(("fraction", *shape))
 
 
 def test_a_loop_of_a_known_shape_may_have_that_free() -> None:
@@ -57,3 +59,10 @@ def test_the_law_without_any_lag_is_free_in_all_that_its_form_has() -> None:
     static = creep.at_once(("fraction",))
     assert static is not None
     assert static.free == ("fraction", "half_pa", "unevenness", "power")
+
+
+def test_without_any_lag_the_age_of_contacts_is_how_many_there_are() -> None:
+    static = PiezoCreep(0.1, 3.0, half_pa=2e4, slip=0.3, multiplies=True, ages=True).at_once(("fraction", "time_s"))
+    assert static is not None
+    assert static.effect == PiezoCreep(0.1, 0.05, half_pa=2e4, multiplies=True)
+    assert static.free == ("fraction", "half_pa")

@@ -11,6 +11,7 @@ from ertskin.diagnosis.criteria import Criteria
 from ertskin.physics.effects.hypothesis import Measured
 
 RULE = "coincidence"
+TINY = 1e-300
 
 
 def coincident(claims: Sequence[Claim], channels: int, criteria: Criteria) -> list[Claim]:
@@ -33,8 +34,9 @@ def coincident(claims: Sequence[Claim], channels: int, criteria: Criteria) -> li
 
 def _surest(claim: Claim) -> float:
     """A channel's gain or its offset, whichever is known better."""
-    known = max(claim.parameters.values(), key=lambda e: abs(e.value) / max(e.high - e.low, 1e-300), default=None)
-    return claim.effect.value("gain") if known is None else known.value
+    known = [claim.parameters[key] for key in ("gain", "offset_v") if key in claim.parameters]
+    surest = max(known, key=lambda e: abs(e.value) / max(e.high - e.low, TINY), default=None)
+    return claim.effect.value("gain") if surest is None else surest.value
 
 
 def chance_of(faulty: Collection[int], channels: int, one_way: bool) -> float:

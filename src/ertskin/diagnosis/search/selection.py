@@ -24,6 +24,7 @@ from ertskin.diagnosis.search.contact_paths import as_good_at_rest, without_path
 from ertskin.diagnosis.search.entering import first_to_hold, likely, of_few_numbers, promises, short_of
 from ertskin.diagnosis.search.exchange import exchanged, gain_of_exchange
 from ertskin.diagnosis.search.form_error import form_error
+from ertskin.diagnosis.search.gain import gained
 from ertskin.diagnosis.search.other_forms import OtherForm, may_be_likelier, other_forms
 from ertskin.diagnosis.search.pressed_places import with_field_by_place
 from ertskin.diagnosis.search.settling import Freeing, freed_forms, refined, spread, where_it_settles
@@ -36,9 +37,9 @@ from ertskin.diagnosis.search.trials import (
     worth_a_name,
     worthy,
 )
-from ertskin.diagnosis.specimen.signal import remembers_alike
+from ertskin.diagnosis.specimen.signal import is_memory, remembers_alike
 from ertskin.physics.conduction.mesh import MeshError
-from ertskin.physics.effects.effect import ElectrodeEffect, PiezoEffect
+from ertskin.physics.effects.effect import ElectrodeEffect
 from ertskin.physics.effects.piezo_chain import in_fabric
 
 RUN_AWAY = 0.4
@@ -132,10 +133,13 @@ class _Search:
     def begun_with(self, incumbent: CheckedFit) -> CheckedFit:
         """A fit with what another signal has shown once more of it is free; without the specimen at once where the skin
         has nothing of what that remembers."""
-        if self.specimen_differs(incumbent):
-            _, without = self.pruned(incumbent)
-            if not any(isinstance(effect, PiezoEffect) for effect in without.solved.effects):
-                return self.by_own_readings(without)
+        problem, current = incumbent.problem, incumbent.solved
+        still = [term for term in current.terms if not is_memory(term.effect)]
+        if len(still) < len(current.terms) and self.specimen_differs(incumbent):
+            without = problem.solve(still, current.calibration, leftover=current.leftover)
+            gain = gained(without, current, self.partitions, problem.evidence.criteria)
+            if gain < problem.evidence.criteria.significant_gain:
+                return self.by_own_readings(replace(incumbent, solved=without))
         # A form is freed about the fit itself: further off it would mend what linearising leaves.
         return refined(self.build, incumbent, self.partitions)
 

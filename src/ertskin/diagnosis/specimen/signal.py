@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TypeGuard
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,10 +52,15 @@ class SpecimenSignal:
         return fabric[:, 0] / skin.piezo.zero_ohm_sq
 
 
+def is_memory(effect: Effect) -> TypeGuard[PiezoEffect]:
+    """Whether it changes what the fabric is, but not from place to place: where on the sheet the specimen would lie
+    nobody knows."""
+    return isinstance(effect, PiezoEffect) and Axis.PLACE not in effect.hypothesis.axes
+
+
 def remembers_alike(specimen: SpecimenSignal, effects: Sequence[Effect], criteria: Criteria) -> bool:
     """Whether what the skin's ``effects`` make of the fabric is what the specimen shows, the law fitted anew."""
-    # Where on the sheet the specimen would lie nobody knows.
-    skin = [e for e in effects if isinstance(e, PiezoEffect) and Axis.PLACE not in e.hypothesis.axes]
+    skin = [effect for effect in effects if is_memory(effect)]
     test = SpecimenTest(specimen.stress_pa, specimen.resistance_ohm_sq, specimen.time_s)
 
     def mean_square(chain: Sequence[PiezoEffect]) -> float:

@@ -79,9 +79,9 @@ def test_creep_over_as_many_decades_as_there_may_be_is_creep_alone() -> None:
     assert noise == pytest.approx(NOISE, rel=0.15)
 
 
-@pytest.mark.parametrize(("dead_pa", "in_air"), [(8e3, 0), (4e3, 20), (8e3, 20)])
-def test_creep_at_once_is_another_static_law(dead_pa: float, in_air: int) -> None:
-    press = [np.linspace(0, 6e4, 40), np.full(30, 6e4), np.linspace(6e4, 0, 40), np.zeros(in_air)]
+@pytest.mark.parametrize(("dead_pa", "held", "in_air"), [(8e3, 30, 0), (4e3, 30, 20), (8e3, 30, 20), (8e3, 0, 20)])
+def test_creep_at_once_is_another_static_law(dead_pa: float, held: int, in_air: int) -> None:
+    press = [np.linspace(0, 6e4, 40), np.full(held, 6e4), np.linspace(6e4, 0, 40), np.zeros(in_air)]
     stress = np.tile(np.concatenate(press), 3)
     time_s = 0.5 * np.arange(len(stress))
     resistance = 2e4 * (0.2 + 0.8 * np.exp(-np.maximum(stress - dead_pa, 0.0) / 2e4))
@@ -89,3 +89,13 @@ def test_creep_at_once_is_another_static_law(dead_pa: float, in_air: int) -> Non
     findings, left = specimen_findings(SpecimenTest(stress, resistance * (1 + noise), time_s), DEFAULT)
     assert findings == []
     assert left > 0.002
+
+
+def test_a_dead_zone_beside_a_loop_is_no_creep() -> None:
+    stress = np.tile(np.concatenate([np.linspace(0, 6e4, 40), np.full(30, 6e4), np.linspace(6e4, 0, 40)]), 3)
+    time_s = 0.5 * np.arange(len(stress))
+    loop = PiezoHysteresis(width=0.1).effective_pressure_pa(stress[:, None], np.zeros((1, 2)), time_s, np.zeros((2, 2)))
+    resistance = 2e4 * (0.2 + 0.8 * np.exp(-np.maximum(loop[:, 0] - 6e3, 0.0) / 2e4))
+    noise = 0.001 * np.random.default_rng(7).standard_normal(len(stress))
+    findings, _ = specimen_findings(SpecimenTest(stress, resistance * (1 + noise), time_s), DEFAULT)
+    assert [f.effect.name for f in findings] == ["piezo_hysteresis"]
