@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -223,29 +224,53 @@ def _selected(
     build, start = _building(evidence, baseline, family, fitted, report), _start(baseline)
     fixed = [Term(e, e.hypothesis.also_in_readings) for e in baseline.skin.effects]
     partitions = _partitions(folds_of(evidence.history.press[fitted], FOLDS))
-    found = selector(build, fixed, begun or _shown(evidence, baseline), start, partitions, report)
+    shown = begun or _likeliest(_shown(evidence, baseline), build, fixed, start)
+    found = selector(build, fixed, shown, start, partitions, report)
     # Another way to choose answers for what it chooses itself.
     return that_predicts(found, partitions) if selector is select else found
 
 
-def _shown(evidence: Evidence, baseline: Baseline) -> Shown:
-    """What the specimen and rest have named, with its rivals there.
+def _shown(evidence: Evidence, baseline: Baseline) -> list[Shown]:
+    """What the specimen and rest have named, with its rivals there: more than one such set where the specimen can't
+    tell which.
 
     How much the fabric remembers is the skin's own; how it does is taken from the specimen, which tells it better, and
     freed where that predicts better. With all numbers free one that fitted to 1.01 predicted presses held out wildly,
     and so was left out, and specimen and skin seemed to disagree (c306 of `final310`).
     """
-    found = [(_with_size_free(f), f.rivals) for f in baseline.specimen_findings]
+    at_rest: list[tuple[Term, tuple[Rival, ...]]] = []
     if baseline.displaced is not None:
         starts = type(baseline.displaced).reading_starts(evidence.sensor, evidence.protocol)
-        found.append((Term(baseline.displaced, starts[0].free), ()))
-    return found
+        at_rest = [(Term(baseline.displaced, starts[0].free), ())]
+    sets = product(*(_with_size_free(f, evidence.criteria) for f in baseline.specimen_findings))
+    apart = (one for one in sets if len({term.name for term, _ in one}) == len(one))
+    return [[*one, *at_rest] for one in apart]
 
 
-def _with_size_free(finding: SpecimenFinding) -> Term:
-    """What the specimen has shown, with only its size free."""
-    known = finding.effect.parameters()
-    return Term(finding.effect, tuple(key for key in finding.free if known[key].defining))
+def _with_size_free(finding: SpecimenFinding, criteria: Criteria) -> list[tuple[Term, tuple[Rival, ...]]]:
+    """What the specimen has shown with only its size free, and what it may be as well."""
+
+    def sized(effect: Effect) -> Term:
+        there = (k for k, known in effect.parameters().items() if known.defining and effect.value(k) != known.neutral)
+        return Term(effect, tuple(there))
+
+    near = [rival for rival in finding.rivals if rival.short < criteria.significant_gain]
+    others = [(sized(rival.effect), (Rival(finding.effect, -rival.short),)) for rival in near]
+    return [(sized(finding.effect), finding.rivals), *others]
+
+
+def _likeliest(shown: list[Shown], build: Problem, fixed: Sequence[Term], start: Calibration) -> Shown:
+    """That of several sets which the readings want, its rivals as far behind as they say."""
+    if len(shown) == 1:
+        return shown[0]
+    problem = build(None)
+    cost = [problem.solve([*fixed, *(term for term, _ in one)], start).cost for one in shown]
+    best = int(np.argmin(cost))
+    behind = {other: cost[k] - cost[best] for k, one in enumerate(shown) for term, _ in one for other in [term.effect]}
+    return [
+        (term, tuple(Rival(r.effect, r.short + behind.get(r.effect, 0.0)) for r in rivals))
+        for term, rivals in shown[best]
+    ]
 
 
 def _building(evidence: Evidence, baseline: Baseline, family: SkinFamily, fitted: Indices, report: Report) -> Problem:

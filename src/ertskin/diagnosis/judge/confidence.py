@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import expit
 
 from ertskin.diagnosis.contract.claims import SAID, Claim, Reason
 from ertskin.diagnosis.criteria import Criteria
@@ -83,7 +84,7 @@ def at_once(claims: Sequence[Claim], by_lag: Sequence[float | None], criteria: C
     for k, lost in enumerate(by_lag):
         if lost is None:
             continue
-        share = 1 / (1 + float(np.exp((criteria.significant_gain - lost) / criteria.evidence_discount)))
+        share = float(expit((lost - criteria.significant_gain) / criteria.evidence_discount))
         static = (1 - share) * claims[k].confidence
         others = ((AT_ONCE, static),) if static > SAID else ()
         alternatives = (*claims[k].alternatives, *others)

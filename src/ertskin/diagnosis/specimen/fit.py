@@ -17,6 +17,7 @@ from ertskin.physics.effects.effect import PiezoEffect
 from ertskin.physics.effects.hypothesis import Signal
 from ertskin.physics.effects.piezo_chain import felt
 from ertskin.physics.effects.registry import effects_shown_by
+from ertskin.physics.spikes import noise_on_course
 
 Array = NDArray[np.float64]
 
@@ -58,7 +59,11 @@ class SpecimenTest:
 @dataclass(frozen=True, eq=False)
 class SpecimenFinding:
     """An effect, the parameters fitted, what else was fitted in its stead, and the parameters' standard errors, as if
-    readings were independent."""
+    readings were independent.
+
+    Rivals fall short by as many readings as are: two wrong forms of which one leaves seven times the noise, one nine,
+    are as good as one another.
+    """
 
     effect: PiezoEffect
     free: tuple[str, ...]
@@ -89,7 +94,8 @@ class _Fit:
 
 
 def specimen_findings(test: SpecimenTest, criteria: Criteria) -> tuple[list[SpecimenFinding], float]:
-    """Effects that the specimen's loop shows, the strongest first, and the relative noise that they leave.
+    """Effects that the specimen's loop shows, the strongest first, and the relative noise of a reading, as if readings
+    were independent, that they leave.
 
     An effect enters, in the form that explains most, when its gain is significant and material, and what it takes away
     no less than a part of what the first one does. What that one's form may have left the readings may still name.
@@ -108,12 +114,16 @@ def specimen_findings(test: SpecimenTest, criteria: Criteria) -> tuple[list[Spec
         if taken_away < SECOND * first:
             break
         first, others = first or taken_away, zip(fits[1:], gains[1:], strict=True)
-        rivals[fits[0].terms[-1][0].name] = tuple(Rival(fit.terms[-1][0], gains[0] - gain) for fit, gain in others)
+        told = _independent(fits[0].residual)
+        rivals[fits[0].terms[-1][0].name] = tuple(
+            Rival(fit.terms[-1][0], told * (gains[0] - gain)) for fit, gain in others
+        )
         best = _needed(test, _reformed(test, fits[0], criteria), criteria)
         if len(best.terms) < len(fits[0].terms):
             break
     freedom = len(best.residual) - ORDER - 1 - best.slope.shape[1]
-    noise = float(np.sqrt((best.residual**2).sum() / max(freedom, 1)))
+    # What a form leaves goes on from reading to reading: so much the less do they tell of the law.
+    noise = float(np.sqrt((best.residual**2).sum() / max(freedom, 1) / _independent(best.residual)))
     found = zip(best.terms, best.errors(noise), strict=True)
     return [SpecimenFinding(*term, rivals[term[0].name], error) for term, error in found], noise
 
@@ -181,6 +191,12 @@ def _at_least(effect: PiezoEffect, free: Sequence[str]) -> bool:
 
 def _freer(effect: PiezoEffect, free: tuple[str, ...]) -> list[Term]:
     return [(cast(PiezoEffect, form.effect), form.free) for form in effect.freer(free)]
+
+
+def _independent(residual: Array) -> float:
+    """Share of the readings (N,) that count as independent: what is left beyond their noise goes on from one to the
+    next."""
+    return min(1.0, (noise_on_course(residual) / max(_rms(residual), 1e-12)) ** 2)
 
 
 def _gain(before: Array, after: Array) -> float:
