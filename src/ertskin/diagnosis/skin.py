@@ -256,7 +256,7 @@ def _with_size_free(finding: SpecimenFinding, criteria: Criteria) -> list[tuple[
 
     near = [rival for rival in finding.rivals if rival.short < criteria.significant_gain]
     others = [(sized(rival.effect), (Rival(finding.effect, -rival.short),)) for rival in near]
-    return [(sized(finding.effect), finding.rivals), *others]
+    return [(sized(finding.effect), finding.rivals), *(one for one in others if one[0].free)]
 
 
 def _likeliest(shown: list[Shown], build: Problem, fixed: Sequence[Term], start: Calibration) -> Shown:

@@ -114,9 +114,9 @@ def specimen_findings(test: SpecimenTest, criteria: Criteria) -> tuple[list[Spec
         if taken_away < SECOND * first:
             break
         first, others = first or taken_away, zip(fits[1:], gains[1:], strict=True)
-        told = _independent(fits[0].residual)
+        share = _independent(fits[0].residual)
         rivals[fits[0].terms[-1][0].name] = tuple(
-            Rival(fit.terms[-1][0], told * (gains[0] - gain)) for fit, gain in others
+            Rival(fit.terms[-1][0], share * (gains[0] - gain)) for fit, gain in others
         )
         best = _needed(test, _reformed(test, fits[0], criteria), criteria)
         if len(best.terms) < len(fits[0].terms):

@@ -27,7 +27,7 @@ def test_only_how_much_there_is_of_it_is_the_skins_own() -> None:
 
 def test_what_the_specimen_cannot_tell_apart_is_left_to_the_readings() -> None:
     loop, lag = PiezoHysteresis(width=0.1, spread=0.5), PiezoHysteresis(lag=0.2, way_pa=2e3)
-    rivals = Rival(loop, 3.0), Rival(lag, 40.0)
+    rivals = Rival(loop, 3.0), Rival(lag, 40.0), Rival(PiezoHysteresis(), 5.0)
     (own, _), (other, against) = _with_size_free(replace(FINDING, rivals=rivals), DEFAULT)
     assert own == Term(SHOWN, ("fraction",))
     assert other == Term(loop, ("width",))
