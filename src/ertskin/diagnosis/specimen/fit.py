@@ -28,7 +28,9 @@ SECOND = 0.045
 False second effects of the 310 specimens of `final310` take 0.037 at most, of 15 simulated pairs of creep and loop all
 but two 0.059 and more."""
 STEP = 1e-2
-"""Of a parameter's typical size, for derivatives."""
+"""Of a parameter's typical size, for derivatives: near a power of nought smaller ones are none."""
+NEAR = 0.01
+"""Typical sizes within which a number is at the end of its range."""
 Term = tuple[PiezoEffect, tuple[str, ...]]
 """An effect and the parameters of it that are fitted."""
 
@@ -186,7 +188,7 @@ def _at_least(effect: PiezoEffect, free: Sequence[str]) -> bool:
     what is less than the form, as ages of 0.05 s what presses felt differently leave."""
     known = [(effect.value(key), effect.known(key)) for key in free]
     shape = [(value, one) for value, one in known if not one.defining and one.low != one.neutral]
-    return any(value <= one.low + STEP * one.typical for value, one in shape)
+    return any(value <= one.low + NEAR * one.typical for value, one in shape)
 
 
 def _freer(effect: PiezoEffect, free: tuple[str, ...]) -> list[Term]:
@@ -206,29 +208,37 @@ def _gain(before: Array, after: Array) -> float:
 
 def _fitted(test: SpecimenTest, starts: Sequence[Term]) -> _Fit:
     """The terms at their best values, all fitted together."""
-    known = [effect.parameters()[key] for effect, free in starts for key in free]
+    keys = [(number, key) for number, (_, free) in enumerate(starts) for key in free]
+    known = [starts[number][0].known(key) for number, key in keys]
     low, high, typical = (np.array([getattr(k, name) for k in known]) for name in ("low", "high", "typical"))
 
-    def residual(x: Array) -> Array:
+    def at(x: Array) -> list[PiezoEffect]:
         values = iter(map(float, x))
-        return test.residual([effect.changed({key: next(values) for key in free}) for effect, free in starts])
+        return [effect.changed({key: next(values) for key in free}) for effect, free in starts]
 
-    def slope(x: Array) -> Array:
-        # A power of nought is none, and a step near it too small to be any.
-        columns = []
-        for k in range(len(x)):
-            less, more = x.copy(), x.copy()
-            less[k], more[k] = max(x[k] - STEP * typical[k], low[k]), min(x[k] + STEP * typical[k], high[k])
-            columns.append((residual(more) - residual(less)) / (more[k] - less[k]))
-        return np.stack(columns, axis=1)
+    def slopes(x: Array) -> Array:
+        effects = at(x)
+        return np.stack([slope(test, effects, number, key) for number, key in keys], axis=1)
 
-    if not known:
-        return _Fit(list(starts), residual(np.zeros(0)), np.zeros((len(residual(np.zeros(0))), 0)))
-    begin = [getattr(effect, key) for effect, free in starts for key in free]
-    fit = least_squares(residual, begin, jac=slope, bounds=(low, high), x_scale=typical)
-    values = iter(map(float, fit.x))
-    terms = [(effect.changed({key: next(values) for key in free}), free) for effect, free in starts]
+    if not keys:
+        left = test.residual(at(np.zeros(0)))
+        return _Fit(list(starts), left, np.zeros((len(left), 0)))
+    begin = [starts[number][0].value(key) for number, key in keys]
+    fit = least_squares(lambda x: test.residual(at(x)), begin, jac=slopes, bounds=(low, high), x_scale=typical)
+    terms = [(effect, free) for effect, (_, free) in zip(at(fit.x), starts, strict=True)]
     return _Fit(terms, np.asarray(fit.fun), np.asarray(fit.jac) * typical)
+
+
+def slope(test: SpecimenTest, effects: Sequence[PiezoEffect], number: int, key: str) -> Array:
+    """(n,) derivative of the residual by one parameter, the law fitted anew."""
+    known, value = effects[number].parameters()[key], float(getattr(effects[number], key))
+    step = STEP * known.typical
+    low, high = max(value - step, known.low), min(value + step, known.high)
+
+    def moved(v: float) -> Array:
+        return test.residual([e.changed({key: v}) if k == number else e for k, e in enumerate(effects)])
+
+    return np.asarray((moved(high) - moved(low)) / (high - low))
 
 
 def _rms(residual: Array) -> float:
