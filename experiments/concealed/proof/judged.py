@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import LinearNDInterpolator, NearestNDInterpolator
+from threadpoolctl import threadpool_limits
 
 Values = NDArray[np.float64]
 Numbers = NDArray[np.intp]
@@ -185,7 +186,9 @@ class Judged:
 def _values_at(said: dict[str, Any], wanted: Values) -> Values:
     """A map's values (n,) at points (n,2)."""
     at, value = np.array(said["point_m"], float), np.array(said["value"], float)
-    found = LinearNDInterpolator(at, value)(wanted)
+    # Of hundreds of 2 x 2 systems BLAS's threads make 7 s instead of 4 ms where other work takes the cores.
+    with threadpool_limits(1, user_api="blas"):
+        found = LinearNDInterpolator(at, value)(wanted)
     return np.where(np.isfinite(found), found, NearestNDInterpolator(at, value)(wanted))
 
 
