@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import astuple, replace
 from functools import cache
 from pathlib import Path
@@ -10,7 +11,7 @@ import numpy as np
 import own_ratios
 import pytest
 from generator.effect import Effect
-from generator.families import FAMILIES
+from generator.families import FAMILIES, FIRST, SECOND
 from generator.forms import FORMS
 from generator.mesh import Fineness
 from generator.outline import Outline
@@ -21,7 +22,7 @@ from generator.simulate import Transfers, frames_of, moments_of
 from generator.skins import _sheet
 from generator.strength import Ruler
 from small_proof_skin import small_skin
-from suite import draw_split, families
+from suite import BATCHES, SPLIT, draw_split, families, whole_split
 
 NAMES = [
     "nonlinear_foam", "viscoelastic_foam", "foam_hysteresis", "foam_softening", "indenter_offset",
@@ -65,6 +66,21 @@ def test_an_effect_at_half_its_largest_size_is_beyond_the_noise(kind: type[Effec
     assert max(change([kind(0.5 * kind.largest)])) > 1.0
 
 
+@pytest.mark.parametrize("kind", SECOND.values(), ids=lambda kind: kind.name)
+def test_a_family_draws_the_same_whatever_its_size_and_runs_the_same_again(kind: type[Effect]) -> None:
+    skin, (sheet, _) = small_skin(), without()
+    one, other, larger = (kind(share * kind.largest) for share in (0.3, 0.3, 0.9))
+    for effect in (one, other, larger):
+        effect.draw(skin, np.random.default_rng(3))
+    assert larger.details == one.details
+    first, again, fresh = (clean(skin, [effect], sheet, [2, 5, 9]) for effect in (one, one, other))
+    for found in (again, fresh):
+        np.testing.assert_array_equal(found.voltage_v, first.voltage_v)
+        np.testing.assert_array_equal(found.force_n, first.force_n)
+    assert np.isfinite(first.voltage_v).all()
+    assert np.isfinite(first.force_n).all()
+
+
 def test_forms_cover_every_name_and_say_where_they_come_from() -> None:
     assert set(NAMES) == set(FORMS)
     assert all(kind.source and kind.form for kind in KINDS)
@@ -73,13 +89,24 @@ def test_forms_cover_every_name_and_say_where_they_come_from() -> None:
         assert {kind.name for kind in kinds} == {name}
 
 
-def test_the_split_of_families_is_the_committed_draw() -> None:
-    drawn = draw_split()
+def test_the_split_of_families_is_the_committed_draws() -> None:
+    drawn = whole_split()
+    committed = json.loads(SPLIT.read_text())
+    assert {half: committed[half] for half in drawn} == drawn
     assert sorted(drawn["open"] + drawn["sealed"]) == sorted(FAMILIES)
-    assert len(FAMILIES) >= 20
     assert set(drawn["open"]) <= set(families(final=False))
     assert set(families(final=True)) <= set(drawn["sealed"])
     assert not set(families(final=False)) & set(families(final=True))
+
+
+def test_a_batch_of_families_is_halved_by_its_own_draw() -> None:
+    first, second = (draw_split(seed) for seed in BATCHES)
+    assert set(first["open"] + first["sealed"]) == set(FIRST)
+    assert set(second["open"] + second["sealed"]) == set(SECOND)
+    assert (len(FIRST), len(SECOND), len(FAMILIES)) == (26, 30, 56)
+    assert not {kind.name for kind in SECOND.values()} & set(FORMS)
+    # What the first draw sealed was opened by the last run of a seed: a later batch must not move it.
+    assert first["sealed"] == json.loads(SPLIT.read_text())["spent"]["final310"]
 
 
 def test_a_ruler_finds_the_size_of_the_ratio_wanted() -> None:

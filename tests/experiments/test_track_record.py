@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
+import record
 import seals
+import suite
 from by_effect import found
 from judged import Judged
 from rows import Share
@@ -112,9 +116,29 @@ def test_a_sample_whose_seal_is_broken_is_refused(tmp_path: Path) -> None:
     assert not (tmp_path / "track_record.md").exists()
 
 
-def test_no_last_run_is_made_once_all_sealed_families_are_spent(tmp_path: Path) -> None:
-    command = [sys.executable, str(CONCEALED / "proof/record.py"), str(tmp_path / "suite"), "--final"]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert done.returncode == 2
-    assert "no family is sealed any longer" in done.stderr.splitlines()[-1]
+def final_run(split: dict[str, Any], out: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = out.with_name("split.json")
+    path.write_text(json.dumps(split))
+    monkeypatch.setattr(suite, "SPLIT", path)
+    monkeypatch.setattr("sys.argv", ["record.py", str(out), "--final", "--only", "c999"])
+    with pytest.raises(SystemExit):
+        record.main()
+
+
+def test_no_last_run_is_made_once_all_sealed_families_are_spent(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    drawn = suite.whole_split()
+    final_run({**drawn, "spent": {"seed1": drawn["sealed"]}}, tmp_path / "suite", monkeypatch)
+    assert "no family is sealed any longer" in capsys.readouterr().err.splitlines()[-1]
     assert not (tmp_path / "suite").exists()
+
+
+def test_a_last_run_has_the_families_sealed_since_the_one_before(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    first, second = (suite.draw_split(seed)["sealed"] for seed in suite.BATCHES)
+    final_run({**suite.whole_split(), "spent": {"final310": first}}, tmp_path / "suite", monkeypatch)
+    assert suite.families(final=True) == second
+    # 112 nulls, 132 single effects, 40 compounds, and every family at two ratios.
+    assert f"in this suite of {284 + 2 * len(second)}" in capsys.readouterr().err.splitlines()[-1]

@@ -13,11 +13,13 @@ from typing import Any
 
 import numpy as np
 from generator.fabric import AdheringFabric, AgeingCreep, DuhemFabric, StretchedCreep
-from generator.families import FAMILIES
+from generator.families import FIRST, SECOND
 from generator.forms import FORMS
 from generator.skins import PADS, SHAPES
 
 SPLIT = Path(__file__).with_name("families_split.json")
+BATCHES = {20261122: tuple(FIRST), 20261129: tuple(SECOND)}
+"""Families by the seed of the draw that halves them."""
 SCANS = ("full", "full", "adjacent", "sparse")
 PRESSES = (6, 9, 12, 12, 18, 36)
 SINGLE_RATIOS = (1.15, 1.5, 2.5)
@@ -53,11 +55,18 @@ class Case:
     details: dict[str, Any] = field(default_factory=dict)
 
 
-def draw_split(seed: int = 20261122) -> dict[str, list[str]]:
-    """Half of the families may be looked at, half are sealed until the last run of a seed: one committed draw."""
-    order = [sorted(FAMILIES)[i] for i in np.random.default_rng(seed).permutation(len(FAMILIES))]
+def draw_split(seed: int) -> dict[str, list[str]]:
+    """Half of a batch may be looked at, half is sealed until the last run of a seed: one committed draw a batch."""
+    batch = sorted(BATCHES[seed])
+    order = [batch[i] for i in np.random.default_rng(seed).permutation(len(batch))]
     half = len(order) // 2
     return {"open": sorted(order[:half]), "sealed": sorted(order[half:])}
+
+
+def whole_split() -> dict[str, list[str]]:
+    """Every batch's draw, one after the other."""
+    drawn = [draw_split(seed) for seed in BATCHES]
+    return {half: [name for one in drawn for name in one[half]] for half in ("open", "sealed")}
 
 
 def families(final: bool) -> list[str]:
@@ -129,4 +138,4 @@ def _case(rng: np.random.Generator, number: int, kind: str, hidden: tuple[Hidden
 
 
 if __name__ == "__main__":
-    SPLIT.write_text(json.dumps({**draw_split(), "spent": {}}, indent=1) + "\n")
+    SPLIT.write_text(json.dumps({**whole_split(), "spent": {}}, indent=1) + "\n")

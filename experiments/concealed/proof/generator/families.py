@@ -1,4 +1,4 @@
-"""Physics in no list: what a diagnosis has no name for and should say so. Twenty-six families."""
+"""Physics in no list: what a diagnosis has no name for and should say so. The first batch, and the index of all."""
 
 from __future__ import annotations
 
@@ -7,33 +7,13 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from .effect import Effect, Moment
+from . import families_bench, families_instrument, families_pad, families_sheet
+from .effect import Moment
 from .electrodes import _centers
 from .skin import Skin
+from .unlisted import Unlisted, _along, _inside
 
 Array = NDArray[np.float64]
-
-
-class Unlisted(Effect):
-    """An effect that no name covers."""
-
-    listed = False
-    form = "only"
-
-
-def _inside(skin: Skin, rng: np.random.Generator, low: float = 0.25, high: float = 0.75) -> Array:
-    """A place on the sheet away from its rim, near a sensing point."""
-    box = skin.box_m
-    share = (skin.taxel_m - box[0]) / (box[1] - box[0])
-    fit = np.flatnonzero(((share >= low) & (share <= high)).all(axis=1))
-    return np.asarray(skin.taxel_m[int(rng.choice(fit if len(fit) else np.arange(len(skin.taxel_m))))])
-
-
-def _along(point_m: Array, start: Array, stop: Array) -> tuple[Array, Array]:
-    """Distance of points from a stretch, and how far along it (0 to 1) they lie."""
-    way = stop - start
-    share = np.clip((point_m - start) @ way / (way @ way), 0.0, 1.0)
-    return np.hypot(*(point_m - start - share[:, None] * way).T), share
 
 
 # --------------------------------------------------------------------------------------------------------- the sheet
@@ -456,4 +436,10 @@ class RangeSwitch(Unlisted):
         return np.asarray(np.where(np.abs(voltage_v) > self.threshold_v, voltage_v * (1.0 + self.size), voltage_v))
 
 
-FAMILIES: dict[str, type[Unlisted]] = {kind.name: kind for kind in Unlisted.__subclasses__()}
+FIRST: dict[str, type[Unlisted]] = {k.name: k for k in Unlisted.__subclasses__() if k.__module__ == __name__}
+SECOND: dict[str, type[Unlisted]] = {
+    kind.name: kind
+    for part in (families_sheet, families_pad, families_bench, families_instrument)
+    for kind in part.KINDS
+}
+FAMILIES = FIRST | SECOND
