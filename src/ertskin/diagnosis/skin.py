@@ -338,6 +338,7 @@ def _problem(
     """The joint fit of the frames ``fitted``, under forces (T,C) in newton, linearised about ``skin``, that of the fit
     ``about`` if it is one's."""
     linear = LinearSkin(skin, evidence.history, force_n, fitted, lambda share, text: report(None, text))
+    evidence.work.add(linear.derivatives)
     train = evidence.frames(fitted)
     cells = folds_of(evidence.history.press[fitted], FOLDS)
     return VoltageProblem(train, family, linear, baseline.specimen, cells, np.ones(len(fitted)), about=about)

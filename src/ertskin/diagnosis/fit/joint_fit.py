@@ -172,7 +172,7 @@ class VoltageProblem:
         scan, specimen, leftover = self._blocks(skin)
         count = len(x)
         columns = np.zeros((*scan.shape, count), dtype=np.float32)
-        self.evidence.work.add(columns.size)
+        self.evidence.work.add(columns.size * self.linear.instants(skin))
         specimen_columns = np.zeros((len(specimen), count))
         instrument = [k for k in range(layout.calibration, count) if layout.is_instrument(k)]
         leftover_columns = np.zeros((0 if leftover is None else leftover.size, len(instrument)))

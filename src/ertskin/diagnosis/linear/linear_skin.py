@@ -93,6 +93,15 @@ class LinearSkin:
         """How a skin's presses move during a scan, where its injections are timed; None where they don't."""
         return next(iter(motions(skin.effects)), None) if self.protocol.timed else None
 
+    @property
+    def derivatives(self) -> int:
+        """How many derivatives, each of one number of a scan, all states solved hold: what linearising takes."""
+        return sum(len(patch.states) * patch.derivatives for patch in self.patches)
+
+    def instants(self, skin: Skin) -> int:
+        """At how many moments of every scan a skin is looked at: one, unless presses move while it is taken."""
+        return max(1, len(self._moments(skin, self.force_n)))
+
     # evaluating ----------------------------------------------------------------------------------------------------
 
     def scans(self, skin: Skin, force_n: Array | None = None) -> Array:

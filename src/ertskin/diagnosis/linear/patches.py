@@ -92,6 +92,12 @@ class Patch:
         """The states solved here."""
         return self.solutions.states
 
+    @property
+    def derivatives(self) -> int:
+        """How many derivatives of a scan's numbers a state holds: by the grid's nodes, contacts and shifts of pads."""
+        state = self.states[0]
+        return len(state.scan) * len(self.inside) + state.contact.size + state.pads.size
+
     @cached_property
     def grid_m(self) -> Array:
         """(G,2) nodes of the grid."""

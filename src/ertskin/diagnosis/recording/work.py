@@ -4,15 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-MOST = 3e9
-"""Derivatives of one number of one scan by one unknown each, after which a search takes up nothing more. Three
-recordings took 2.4e9 in 265 s of CPU, 2.25e9 in 342 s and 4.5e9 in 464 s, all other work with it (c159, c038, c129 of
-``final310``)."""
+MOST = 4e9
+"""Derivatives of one number of one scan by one unknown each, after which a search takes up nothing more; of a skin that
+moves while it is scanned at each of the moments looked at. Fits and linearising take some 1e7 a second."""
 
 
 @dataclass(eq=False)
 class Work:
-    """Derivatives computed so far, by all fits to one recording; ``has_ended``: whether a search was cut short."""
+    """Derivatives computed so far, by all linearising and fits of one recording; ``has_ended``: whether a search was cut short."""
 
     done: float = 0.0
     has_ended: bool = False

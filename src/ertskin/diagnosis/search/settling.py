@@ -10,11 +10,13 @@ import numpy as np
 from ertskin.diagnosis.fit.full_solution_check import CheckedFit, Problem, checked_fit, settled
 from ertskin.diagnosis.fit.joint_fit import VoltageProblem
 from ertskin.diagnosis.fit.solved import Solved
+from ertskin.diagnosis.fit.terms import Term
 from ertskin.diagnosis.search.forms import freer
 from ertskin.diagnosis.search.gain import gained
 from ertskin.diagnosis.search.smooth_fields import with_smooth_fields
 from ertskin.diagnosis.search.trials import of_frames
 from ertskin.physics.conduction.mesh import MeshError
+from ertskin.physics.effects.effect import AcquisitionEffect
 
 REFINED = 4
 """How many times forms are freed and the fit settled."""
@@ -79,6 +81,20 @@ def refined(
         if proposed is None or proposed.spoils(incumbent):
             return replace(incumbent, freed=incumbent.solved)
         before, incumbent = incumbent, proposed
-        if incumbent.misfit > STILL * before.misfit:
+        if incumbent.misfit > STILL * before.misfit and not _instrument_offers_more(before.solved, incumbent.solved):
             break
     return incumbent
+
+
+def _instrument_offers_more(before: Solved, after: Solved) -> bool:
+    """Whether more can be freed of an effect on readings alone, as freed, than could be before.
+
+    Such a form may gain little until the next is freed too: where driven electrodes aren't read, what each channel
+    keeps of the one before left 1.51 of 1.56, contacts that the multiplexer passes then 1.03 (``c020`` of
+    ``twentyeighth48``).
+    """
+
+    def offered(term: Term) -> set[tuple[str, ...]]:
+        return {form.free for form in freer(term)} if isinstance(term.effect, AcquisitionEffect) else set()
+
+    return any(offered(a) - offered(b) - {a.free} for a, b in zip(after.terms, before.terms, strict=True))

@@ -18,6 +18,7 @@ from ertskin.diagnosis.fit.levenberg_marquardt import Fit
 from ertskin.diagnosis.fit.quadratic import Quadratic
 from ertskin.diagnosis.fit.solved import Solved
 from ertskin.diagnosis.fit.terms import Term
+from ertskin.diagnosis.recording.work import MOST, Work
 from ertskin.diagnosis.search import entering, selection, settling, trials
 from ertskin.physics.conduction.mesh import MeshError
 from ertskin.physics.effects.crosstalk import Crosstalk
@@ -26,7 +27,7 @@ from ertskin.physics.effects.indenter_offset import IndenterOffset
 from ertskin.physics.effects.piezo_hysteresis import PiezoHysteresis
 from ertskin.physics.effects.piezo_inhomogeneity import PiezoInhomogeneity
 
-PROBLEM: Any = SimpleNamespace(evidence=SimpleNamespace(criteria=DEFAULT, seen_at_rest=None))
+PROBLEM: Any = SimpleNamespace(evidence=SimpleNamespace(criteria=DEFAULT, seen_at_rest=None, work=Work()))
 """All that is asked of the problem of a fit that has settled."""
 
 
@@ -234,6 +235,24 @@ def test_of_forms_of_a_field_that_explain_alike_the_one_that_predicts_cells_best
     found = entering.first_to_hold(None, incumbent, trials, [[0], [1]])  # type: ignore[arg-type]
     assert found is not None
     assert found[1] is settle[best]
+
+
+def test_where_the_work_is_spent_a_field_has_the_form_of_fewest_numbers(monkeypatch: pytest.MonkeyPatch) -> None:
+    evidence = SimpleNamespace(criteria=DEFAULT, work=Work(MOST))
+    problem: Any = SimpleNamespace(evidence=evidence)
+    counts = {"free": 40, "few": 12}
+    solved: dict[str, Any] = {
+        name: SimpleNamespace(fit=SimpleNamespace(value=np.zeros(count))) for name, count in counts.items()
+    }
+    settle = {id(one): CheckedFit(problem, one, 1.4 if name == "free" else 1.5, 0.0) for name, one in solved.items()}
+    monkeypatch.setattr(settling, "settled", lambda build, one: settle[id(one)])
+    monkeypatch.setattr(entering, "_predicting", lambda *given: pytest.fail("fitted"))
+    incumbent = CheckedFit(problem, None, 3.0, 0.0)  # type: ignore[arg-type]
+    trials = [trial(solved["free"], "field", 50.0, modes="many"), trial(solved["few"], "field", 45.0)]
+    found = entering.first_to_hold(None, incumbent, trials, [[0], [1]])  # type: ignore[arg-type]
+    assert found is not None
+    assert found[1].solved is solved["few"]
+    assert evidence.work.has_ended
 
 
 def test_a_form_that_gains_less_has_its_turn_where_the_best_spoils(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -103,6 +103,20 @@ def test_moments_of_a_motion_share_the_states_solved_whatever_its_form(
     np.testing.assert_allclose(linear.scans(moving), whole(moving, linear), atol=5e-3 * signal)
 
 
+def test_derivatives_are_counted_by_state_and_a_motion_by_its_moments(history: History) -> None:
+    still, moving = moving_skin(), moving_skin(OWN_COURSE)
+    force_n, frames = np.nan_to_num(still.force_n(history)), np.arange(len(history))
+    linear, moves = (LinearSkin(each, history, force_n, frames, None) for each in (still, moving))
+    assert (linear.instants(still), linear.instants(moving)) == (1, len(linear.mixing(OWN_COURSE)))
+    numbers, electrodes = still.protocol.orthonormal.shape[1], 6
+    for counted in (linear, moves):
+        states = [(patch, state) for patch in counted.patches for state in patch.states]
+        # By each node near a press, each contact and each pad's two shifts.
+        unknown = [len(patch.grid_m) + state.contact.shape[1] + 2 * electrodes for patch, state in states]
+        assert counted.derivatives == numbers * sum(unknown)
+    assert moves.derivatives > linear.derivatives
+
+
 def test_an_untimed_scan_is_read_at_once(history: History) -> None:
     pairs = electrode_pairs(6)
     scan = Protocol.against_sink(pairs, 6, 1e-4, injection_offset_s=np.full(len(pairs), 0.1))

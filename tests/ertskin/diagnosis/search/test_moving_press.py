@@ -31,3 +31,16 @@ def test_a_press_that_stands_still_gains_nothing_by_moving() -> None:
     problem = recorded()
     gains = [candidate.gain for candidate in moving(problem, problem.solve([], START))]
     assert max(gains, default=0.0) < 10.0
+
+
+def test_a_fit_that_moves_is_counted_at_every_moment_of_its_scans() -> None:
+    problem = recorded(ScanSkew(3e-4))
+    expected = moving(problem, problem.solve([], START))[0]
+    counted = []
+    for term in ([], [expected.term]):
+        before = problem.evidence.work.done
+        problem.solve(term, START, steps=1)
+        counted.append((problem.evidence.work.done - before) / problem.last_columns[0].size)
+    moments = len(problem.linear.mixing(expected.term.effect))
+    assert moments > 1
+    assert counted[1] == moments * counted[0]

@@ -5,12 +5,16 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
-from small_problem import PARTITIONS, START, recorded
+from small_problem import CHANNELS, PARTITIONS, START, recorded
 
-from ertskin.diagnosis.fit.full_solution_check import checked_fit
+from ertskin.diagnosis.fit.full_solution_check import CheckedFit, checked_fit
+from ertskin.diagnosis.fit.solved import Solved
 from ertskin.diagnosis.fit.terms import Term
 from ertskin.diagnosis.recording import work
+from ertskin.diagnosis.search import settling
+from ertskin.diagnosis.search.forms import freer
 from ertskin.diagnosis.search.settling import refined, spread
+from ertskin.physics.effects.crosstalk import Crosstalk
 from ertskin.physics.effects.piezo_hysteresis import PiezoHysteresis
 
 LOOP = PiezoHysteresis(width=0.1)
@@ -47,3 +51,24 @@ def test_all_presses_spread_fields_and_free_no_forms() -> None:
     problem = recorded(LOOP)
     fit = checked_fit(problem, problem.solve([Term(LOOP, ("width",))], START))
     assert spread(fit, PARTITIONS) is fit.solved
+
+
+KEEPS = Crosstalk(fraction=0.01, shares=(0.0,) * CHANNELS)
+
+
+@pytest.mark.parametrize(("term", "asked"), [(Term(KEEPS, ("fraction",)), 3), (Term(LOOP, ("width",)), 1)])
+def test_only_an_instrument_s_form_that_gains_little_is_freed_on_while_it_offers_more(
+    term: Term, asked: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A memory of more readings, each of them by itself, channels each their own: then there is no more to free."""
+    problem = recorded(term.effect)
+    fit = checked_fit(problem, problem.solve([term], START))
+    forms = []
+
+    def freed(fit: CheckedFit, partitions: object) -> Solved:
+        forms.append(freer(fit.solved.terms[0])[0])
+        return replace(fit.solved, terms=(forms[-1],))
+
+    monkeypatch.setattr(settling, "where_it_settles", lambda build, made_with, solved: replace(fit, solved=solved))
+    assert refined(lambda solved: problem, fit, PARTITIONS, freed).solved.terms == (forms[-1],)
+    assert len(forms) == asked
