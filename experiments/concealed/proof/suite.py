@@ -138,4 +138,5 @@ def _case(rng: np.random.Generator, number: int, kind: str, hidden: tuple[Hidden
 
 
 if __name__ == "__main__":
-    SPLIT.write_text(json.dumps({**whole_split(), "spent": {}}, indent=1) + "\n")
+    spent = json.loads(SPLIT.read_text())["spent"] if SPLIT.exists() else {}
+    SPLIT.write_text(json.dumps({**whole_split(), "spent": spent}, indent=1) + "\n")

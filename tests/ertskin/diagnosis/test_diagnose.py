@@ -145,6 +145,16 @@ def test_a_search_cut_short_says_so_where_something_is_missing(verdict: str, end
     assert (said == "something") == (not says)
 
 
+def test_linearising_counts_as_computed(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(skin, "LinearSkin", lambda *given: SimpleNamespace(derivatives=7))
+    monkeypatch.setattr(skin, "VoltageProblem", lambda *given, about: given)
+    history, rows = SimpleNamespace(press=np.arange(12)), np.arange(12)
+    evidence: Any = SimpleNamespace(work=Work(5.0), history=history, frames=lambda rows: None)
+    given: Any = (evidence, SimpleNamespace(specimen=None), None, None, None, rows, lambda share, text: None)
+    skin._problem(*given)
+    assert evidence.work.done == 12.0
+
+
 def test_few_presses_that_can_not_be_fitted_together_hand_on_what_was_claimed() -> None:
     claimed = Findings(Diagnosis("six.h5", "explained", HeldOut("split", 1e-3, 3.0, 1.0, 0.0), reason="something"))
 

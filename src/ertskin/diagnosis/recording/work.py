@@ -5,13 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 MOST = 4e9
-"""Derivatives of one number of one scan by one unknown each, after which a search takes up nothing more; of a skin that
-moves while it is scanned at each of the moments looked at. Fits and linearising take some 1e7 a second."""
+"""Derivatives of one number of one scan each, after which a search takes up nothing more: of fits by one unknown (of a
+skin that moves while it is scanned at each of the moments looked at), of states linearised about by a node, a contact
+or a pad's shift. Some 1e7 take a second of CPU."""
 
 
 @dataclass(eq=False)
 class Work:
-    """Derivatives computed so far, by all linearising and fits of one recording; ``has_ended``: whether a search was cut short."""
+    """Derivatives computed so far, for one recording; ``has_ended``: whether a search was cut short."""
 
     done: float = 0.0
     has_ended: bool = False

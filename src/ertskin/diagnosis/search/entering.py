@@ -59,7 +59,8 @@ def first_to_hold(
         held = [(form, fit) for form, fit in places if fit is not None]
         if held:
             form, fit = _best_form(incumbent, held, partitions)
-            other = next((trial for trial in left if _of_another_property(form, trial, first.gain)), None)
+            others = [trial for trial in left if _of_another_property(form, trial, first.gain)]
+            other = others[0] if others and not incumbent.problem.evidence.work.ends() else None
             other_fit = None if other is None else _where_it_holds(build, incumbent, other, partitions)
             if other is not None and other_fit is not None:
                 likelier = _predicting(fit, partitions) - _predicting(other_fit, partitions)

@@ -16,7 +16,7 @@ from ertskin.diagnosis.search.gain import gained
 from ertskin.diagnosis.search.smooth_fields import with_smooth_fields
 from ertskin.diagnosis.search.trials import of_frames
 from ertskin.physics.conduction.mesh import MeshError
-from ertskin.physics.effects.effect import AcquisitionEffect
+from ertskin.physics.effects.effect import AcquisitionEffect, Stage
 
 REFINED = 4
 """How many times forms are freed and the fit settled."""
@@ -87,14 +87,15 @@ def refined(
 
 
 def _instrument_offers_more(before: Solved, after: Solved) -> bool:
-    """Whether more can be freed of an effect on readings alone, as freed, than could be before.
+    """Whether numbers can be freed of an effect on readings alone, as freed, that couldn't before.
 
-    Such a form may gain little until the next is freed too: where driven electrodes aren't read, what each channel
-    keeps of the one before left 1.51 of 1.56, contacts that the multiplexer passes then 1.03 (``c020`` of
-    ``twentyeighth48``).
+    Such a form may gain little until they are: where driven electrodes aren't read, what each channel keeps of the one
+    before left 1.513 of 1.559, contacts that the multiplexer passes then 1.029 (``c020`` of ``twentyeighth48``).
     """
 
-    def offered(term: Term) -> set[tuple[str, ...]]:
-        return {form.free for form in freer(term)} if isinstance(term.effect, AcquisitionEffect) else set()
+    def offered(term: Term) -> set[str]:
+        if term.effect.stage != Stage.ACQUISITION or not isinstance(term.effect, AcquisitionEffect):
+            return set()
+        return {key for form in freer(term) for key in form.free} - {*term.free}
 
-    return any(offered(a) - offered(b) - {a.free} for a, b in zip(after.terms, before.terms, strict=True))
+    return any(offered(a) - offered(b) for a, b in zip(after.terms, before.terms, strict=True))

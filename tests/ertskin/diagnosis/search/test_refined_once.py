@@ -54,21 +54,28 @@ def test_all_presses_spread_fields_and_free_no_forms() -> None:
 
 
 KEEPS = Crosstalk(fraction=0.01, shares=(0.0,) * CHANNELS)
+PASSES = replace(KEEPS, channel=2, contacts_ohm=(0.0,) * CHANNELS)
 
 
-@pytest.mark.parametrize(("term", "asked"), [(Term(KEEPS, ("fraction",)), 3), (Term(LOOP, ("width",)), 1)])
-def test_only_an_instrument_s_form_that_gains_little_is_freed_on_while_it_offers_more(
+@pytest.mark.parametrize(
+    ("term", "asked"),
+    [(Term(PASSES, ("fraction",)), 2), (Term(KEEPS, ("fraction",)), 1), (Term(LOOP, ("width",)), 1)],
+    ids=["contacts to be freed next", "nothing new to be freed", "of the fabric"],
+)
+def test_an_instrument_s_form_that_gains_little_is_freed_on_while_it_offers_more(
     term: Term, asked: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A memory of more readings, each of them by itself, channels each their own: then there is no more to free."""
-    problem = recorded(term.effect)
-    fit = checked_fit(problem, problem.solve([term], START))
+    """What each channel keeps is freed first, then what contacts pass."""
+    problem = recorded(KEEPS)
+    other = Term(LOOP, ("width",))
+    fit = checked_fit(problem, problem.solve([Term(KEEPS, ("fraction",)), other], START))
+    fit = replace(fit, solved=replace(fit.solved, terms=(term, other)))
     forms = []
 
     def freed(fit: CheckedFit, partitions: object) -> Solved:
-        forms.append(freer(fit.solved.terms[0])[0])
-        return replace(fit.solved, terms=(forms[-1],))
+        forms.append(freer(fit.solved.terms[0])[-1])
+        return replace(fit.solved, terms=(forms[-1], other))
 
     monkeypatch.setattr(settling, "where_it_settles", lambda build, made_with, solved: replace(fit, solved=solved))
-    assert refined(lambda solved: problem, fit, PARTITIONS, freed).solved.terms == (forms[-1],)
+    assert refined(lambda solved: problem, fit, PARTITIONS, freed).solved.terms == (forms[-1], other)
     assert len(forms) == asked
