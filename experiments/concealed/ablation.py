@@ -87,8 +87,18 @@ RULES: dict[str, Rule] = {
     ),
     "nominal_again": Rule(
         "a fit whose ratio of moduli has gone far is begun again from nominal",
-        (f"{SEARCH}.selection._reconsidered",),
+        (f"{SEARCH}.selection.reconsidered",),
         lambda build, incumbent: incumbent,
+    ),
+    "nominal_first": Rule(
+        "where a fit's ratio of moduli has run away the first term is looked for near nominal",
+        (f"{SEARCH}.selection._Search.begun_at_nominal",),
+        lambda search, incumbent: incumbent,
+    ),
+    "mean_covariance": Rule(
+        "a field's covariance is the mean of those tried by how well they predict, not the best of them",
+        (f"{SEARCH}.smooth_fields._mean_half",),
+        lambda halves, weight: halves[int(np.argmax(weight))],
     ),
     "freed": Rule(
         "forms are freed about the fit itself",

@@ -66,10 +66,10 @@ def test_a_rule_acts_where_it_says_other_than_what_takes_its_place(monkeypatch: 
     places = [resolve_name(RULES[rule].where[0]) for rule in ("nominal_again", "exchange")]
     from ertskin.diagnosis.search import selection
 
-    monkeypatch.setattr(selection, "_reconsidered", lambda build, incumbent: incumbent)
+    monkeypatch.setattr(selection, "reconsidered", lambda build, incumbent: incumbent)
     monkeypatch.setattr(selection, "exchanged", lambda *given: ("term", "fit", 3.0))
     with counted() as acted:
-        assert selection._reconsidered(None, "fit") == "fit"  # type: ignore[arg-type, comparison-overlap]
+        assert selection.reconsidered(None, "fit") == "fit"  # type: ignore[arg-type, comparison-overlap]
         selection.exchanged(*[None] * 5)  # type: ignore[arg-type]
     assert (acted["nominal_again"], acted["exchange"], acted["freed"]) == (0, 1, 0)
     assert "lower_first" not in acted

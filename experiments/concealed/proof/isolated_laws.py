@@ -39,15 +39,10 @@ from generator.strength import COARSE
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from ertskin.diagnosis.fit.terms import Modes
 from ertskin.diagnosis.search.settling import REFINED
 from ertskin.diagnosis.search.smooth_fields import (
-    ACROSS,
-    ANGLES,
-    LEAST_VARIANCE,
-    LENGTHS,
     MOST_MODES,
-    node_covariance,
+    covariances,
     node_shape,
 )
 from ertskin.diagnosis.specimen.fit import SpecimenTest
@@ -381,11 +376,8 @@ def smooth_bases(point_m: Array, extent_m: Array) -> Iterator[Array]:
     """
     shape = node_shape(extent_m)
     design = field_design(shape, point_m, extent_m)
-    for number in range(len(LENGTHS) + len(ACROSS) * ANGLES):
-        none = Modes(np.zeros((1, *shape)), number, 1.0)
-        size, vector = np.linalg.eigh(node_covariance(none, np.eye(1), extent_m))
-        half = vector * np.sqrt(np.maximum(size, 0.0))
-        at_points = design @ half[:, size > size.max() * LEAST_VARIANCE]
+    for half in covariances(extent_m):
+        at_points = design @ half
         at_points -= at_points.mean(axis=0)
         _, variance, turned = np.linalg.svd(at_points.T @ at_points)
         kept = variance[:MOST_MODES] > variance[0] * NOTHING

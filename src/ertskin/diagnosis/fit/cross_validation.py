@@ -26,8 +26,12 @@ def log_misfit(cost: Array, numbers: Array) -> float:
     tells of (the only press on a hill) doesn't outweigh them: twelve presses on `rig_a` were missed by 1.1 of the noise
     each but two by 8, which chose a field that missed presses elsewhere by 2.5 where the best one has 1.13.
     """
-    count = np.maximum(numbers, 1)
-    return float((0.5 * count * np.log(np.maximum(2 * cost / count, LEAST_MISFIT))).sum())
+    return float((np.maximum(numbers, 1) * log_misfits(cost, numbers)).sum())
+
+
+def log_misfits(cost: Array, numbers: Array) -> Array:
+    """(K,) logarithm of the rms by which each cell is missed: what each of its numbers adds to ``log_misfit``."""
+    return np.asarray(0.5 * np.log(np.maximum(2 * cost / np.maximum(numbers, 1), LEAST_MISFIT)))
 
 
 def numbers_of(problem: VoltageProblem, partitions: Sequence[Sequence[int]]) -> Array:

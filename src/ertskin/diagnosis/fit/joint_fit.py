@@ -19,7 +19,7 @@ from ertskin.diagnosis.fit.nonreciprocal import AcquisitionSignal, acquires
 from ertskin.diagnosis.fit.quadratic import Quadratic
 from ertskin.diagnosis.fit.solved import Solved
 from ertskin.diagnosis.fit.terms import Modes, Term
-from ertskin.diagnosis.linear.calibration_vector import SHAPE, Calibration, SkinFamily
+from ertskin.diagnosis.linear.calibration_vector import SHAPE, WIDEST_RATIO, Calibration, SkinFamily
 from ertskin.diagnosis.linear.linear_skin import LinearSkin
 from ertskin.diagnosis.linear.whole_sheet import Fields
 from ertskin.diagnosis.recording.evidence import Evidence
@@ -49,7 +49,8 @@ class VoltageProblem:
     """Everything the fit needs. ``cells`` (T,) the cell of each frame, ``weight`` (T,) 0 for frames left out.
 
     ``correction_v`` (T,P): what the skin solved in full adds to the linearised one's scans, nought unless asked for.
-    ``about``: the fit about which the skin is linearised, unless about where calibrating begins.
+    ``about``: the fit about which the skin is linearised, unless about where calibrating begins. ``widest_ratio``:
+    how far the logarithm of the moduli's ratio may go.
     """
 
     evidence: Evidence
@@ -60,6 +61,7 @@ class VoltageProblem:
     weight: Array
     correction_v: Array | float = 0.0
     about: Solved | None = None
+    widest_ratio: float = WIDEST_RATIO
     last_columns: tuple[NDArray[np.float32], Array] = field(init=False)
     last_leftover: tuple[NDArray[np.intp], Array] | None = field(init=False, default=None)
 
@@ -129,7 +131,7 @@ class VoltageProblem:
             lambda x: self._cost(layout, x),
             begin,
             Region(
-                *layout.bounds(self.family.first.contact_resistance_ohm),
+                *layout.bounds(self.family.first.contact_resistance_ohm, self.widest_ratio),
                 layout.law_above(self.family.first.piezo, 2 * LEAST_LAW),
             ),
             mean,

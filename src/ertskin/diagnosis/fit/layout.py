@@ -99,8 +99,9 @@ class Layout:
         effect = self._named[index][0].effect if index in self._named else None
         return effect is not None and effect.stage == Stage.ACQUISITION and isinstance(effect, AcquisitionEffect)
 
-    def bounds(self, contact_ohm: Array) -> tuple[Array, Array]:
-        """Lowest and highest numbers (n,); contacts stay near those at rest ``contact_ohm`` (L,) and most of these.
+    def bounds(self, contact_ohm: Array, widest_ratio: float = WIDEST_RATIO) -> tuple[Array, Array]:
+        """Lowest and highest numbers (n,); contacts stay near those at rest ``contact_ohm`` (L,) and most of these, the
+        logarithm of the moduli's ratio within ``widest_ratio`` of nought.
 
         Readings that leave driven electrodes out hardly tell a contact: a misfit would take it to where the skin, as
         linearised, is another one, or to where nothing is left of one that wanders.
@@ -114,7 +115,7 @@ class Layout:
         least = taken + STAYING * np.clip(contact_ohm - taken, 0.0, taken)
         low[contacts] = np.maximum(low[contacts], np.log(np.maximum(least, LEAST_OHM)))
         high[contacts] = np.minimum(high[contacts], np.maximum(rested, np.median(rested)) + FARTHEST_CONTACT)
-        low[self.ratio], high[self.ratio] = -WIDEST_RATIO, WIDEST_RATIO
+        low[self.ratio], high[self.ratio] = -widest_ratio, widest_ratio
         for k, (term, key) in self._named.items():
             known = term.effect.known(key)
             low[k], high[k] = known.low, known.high

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -18,12 +18,12 @@ Array = NDArray[np.float64]
 @dataclass(frozen=True, eq=False)
 class Modes:
     """Fields over the sheet by their ``nodes`` (K,rows,columns): sums of them in which each has unit variance, and no
-    mean, are what is expected of a field beforehand. They are the larger part of a process: of the covariance with
-    this number, and of standard deviation ``spread``. ``by_place``: of what places pressed differ by alone, which tells
-    of no other place."""
+    mean, are what is expected of a field beforehand. They are the larger part of a process, of standard deviation
+    ``spread``: ``half`` (M,J) is half of its covariance, of unit variance. ``by_place``: of what places pressed differ
+    by alone, which tells of no other place."""
 
     nodes: Array
-    covariance: int = 0
+    half: Array = field(default_factory=lambda: np.zeros((1, 0)))
     spread: float = 0.0
     by_place: bool = False
 

@@ -33,7 +33,7 @@ def ratio_with_what_is_unknown(problem: VoltageProblem, solved: Solved, after: A
     design = partial(field_design, node_shape(extent_m), extent_m=extent_m)
     skin = problem.family.skin(solved.calibration, solved.effects)
     parts = []
-    for number, covariance in _covariances(solved, extent_m):
+    for number, covariance in _covariances(solved):
         size, vector = np.linalg.eigh(covariance)
         root = vector * np.sqrt(np.maximum(size, 0.0))
         found = np.zeros((*problem.evidence.scan_v.shape, root.shape[1]))
@@ -72,21 +72,21 @@ def known_at(solved: Solved, extent_m: Array, point_m: Array) -> dict[str, Known
     """By name, what a fit knows of each smooth field at points (N,2)."""
     found = {}
     inflation = max(1.0, float((solved.scan_residual**2).mean()))
-    for number, covariance in _covariances(solved, extent_m, inflation):
+    for number, covariance in _covariances(solved, inflation):
         design = field_design(node_shape(extent_m), point_m, extent_m)
         term = solved.terms[number]
         found[term.name] = Known(design @ covariance @ design.T, cast(Modes, term.modes).spread)
     return found
 
 
-def _covariances(solved: Solved, extent_m: Array, inflation: float = 1.0) -> Iterator[tuple[int, Array]]:
+def _covariances(solved: Solved, inflation: float = 1.0) -> Iterator[tuple[int, Array]]:
     """Terms with a smooth field, by their number, and what the fit leaves of the covariance (M,M) of its nodes, where
     the noise has ``inflation`` times its variance."""
     whole = solved.fit.covariance
     for number, term in enumerate(solved.terms):
         if term.modes is not None:
             where = solved.sizes(number)
-            yield number, node_covariance(term.modes, _inflated(whole[where, where], inflation), extent_m)
+            yield number, node_covariance(term.modes, _inflated(whole[where, where], inflation))
 
 
 def _inflated(known: Array, inflation: float) -> Array:

@@ -60,7 +60,7 @@ def spare_evidence(problem: VoltageProblem, solved: Solved) -> float:
         assert modes is not None
         reduced = _reduced(problem, current, number)
         found = np.array([evidences(half, *reduced) for half in covariances(extent_m)])
-        spare += float(found.max() - found[modes.covariance, SPREADS.index(modes.spread)])
+        spare += max(0.0, float(found.max() - evidences(modes.half, *reduced, [modes.spread])[0]))
     return min(spare, freedom(current))
 
 

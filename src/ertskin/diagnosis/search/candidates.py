@@ -22,7 +22,7 @@ from ertskin.diagnosis.search.first_order_gain import (
     held_out_gain,
     with_columns,
 )
-from ertskin.diagnosis.search.smooth_fields import NodeQuadratic, at_nodes, most_predictive
+from ertskin.diagnosis.search.smooth_fields import NodeQuadratic, at_nodes, predictive
 from ertskin.physics.effects.effect import AcquisitionEffect, Effect, ElectrodeEffect, Parameter, Start, shown_by
 from ertskin.physics.effects.hypothesis import Measured, Signal
 from ertskin.physics.effects.registry import effects_shown_by, measured_as
@@ -141,7 +141,7 @@ def _fields(problem: VoltageProblem, solved: Solved, partitions: Sequence[Sequen
         if kind.hypothesis.field and kind.name not in present:
             effects = (*solved.effects, kind())
             quadratic = NodeQuadratic.of(problem, solved, effects, len(effects) - 1)
-            process = most_predictive(quadratic, extent_m, partitions)
+            process = predictive(quadratic, extent_m, partitions)
             if process.gain > 0 and np.isfinite(process.sizes).all():
                 found.append(Candidate(process.of(Term(kind(), ()), extent_m), process.gain))
             found += _forms(problem, quadratic, kind, partitions)

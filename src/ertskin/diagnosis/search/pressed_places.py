@@ -133,7 +133,7 @@ def modes_at(place_m: Array, spread: float, extent_m: Array) -> Modes:
     places tell of. Their mean is the law's: left free it drifts to whatever mends the law's form, and places that
     nothing has pressed are predicted badly.
     """
-    number, half = covariance_half(extent_m, LENGTH)
+    half = covariance_half(extent_m, LENGTH)
     shape = node_shape(extent_m)
     at_places = field_design(shape, place_m, extent_m) @ half
     size, vector = np.linalg.eigh(at_places @ at_places.T)
@@ -141,4 +141,4 @@ def modes_at(place_m: Array, spread: float, extent_m: Array) -> Modes:
     even = vector[:, kept].sum(axis=0) * np.sqrt(size[kept])
     uneven = np.linalg.svd(even[None, :])[2][1:].T
     nodes = spread * half @ at_places.T @ (vector[:, kept] / np.sqrt(size[kept])) @ uneven
-    return Modes(nodes.T.reshape(-1, *shape), number, spread, by_place=True)
+    return Modes(nodes.T.reshape(-1, *shape), half, spread, by_place=True)

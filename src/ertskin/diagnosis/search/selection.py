@@ -15,7 +15,7 @@ from ertskin.diagnosis.fit.full_solution_check import CheckedFit, Problem, check
 from ertskin.diagnosis.fit.joint_fit import VoltageProblem
 from ertskin.diagnosis.fit.solved import Solved
 from ertskin.diagnosis.fit.terms import Term
-from ertskin.diagnosis.linear.calibration_vector import WIDEST_RATIO, Calibration
+from ertskin.diagnosis.linear.calibration_vector import Calibration
 from ertskin.diagnosis.search.backward import backward, with_fields_by_place, with_lag
 from ertskin.diagnosis.search.behind_fields import behind_field, smooth_fields_of
 from ertskin.diagnosis.search.candidates import screen
@@ -25,6 +25,7 @@ from ertskin.diagnosis.search.entering import first_to_hold, likely, of_few_numb
 from ertskin.diagnosis.search.exchange import exchanged, gain_of_exchange
 from ertskin.diagnosis.search.form_error import form_error
 from ertskin.diagnosis.search.gain import gained
+from ertskin.diagnosis.search.nominal_ratio import at_nominal, has_run_away, held_at_nominal, let_go, reconsidered
 from ertskin.diagnosis.search.other_forms import OtherForm, may_be_likelier, other_forms
 from ertskin.diagnosis.search.pressed_places import with_field_by_place
 from ertskin.diagnosis.search.settling import Freeing, freed_forms, refined, spread, where_it_settles
@@ -42,8 +43,6 @@ from ertskin.physics.conduction.mesh import MeshError
 from ertskin.physics.effects.effect import ElectrodeEffect
 from ertskin.physics.effects.piezo_chain import in_fabric
 
-RUN_AWAY = 0.4
-"""Part of the widest ratio of moduli from which on a fit is taken to have run away."""
 MOST_TERMS = 5
 """Terms that are searched for, those of another signal among them."""
 FORM_ERROR = "form_error"
@@ -73,6 +72,7 @@ def select(
     search = _Search(build, partitions, report, len(fixed), {key_of(term): rivals for term, rivals in begun})
     if proposed is not None:
         incumbent = search.begun_with(incumbent)
+    incumbent = search.begun_at_nominal(incumbent)
     chosen, incumbent = search.found(incumbent) if begun else search.found_remembering(incumbent, start)
     specimen = None if incumbent.problem.specimen is None else "agrees"
     if search.disagrees or search.specimen_differs(incumbent):
@@ -151,12 +151,35 @@ class _Search:
             self.report(0.2 + 0.1 * turn, text)
             if turn and incumbent.problem.evidence.work.ends():
                 break
-            proposed = self.one_more(incumbent)
+            proposed = self._entered(incumbent)
             if proposed is None:
                 break
-            incumbent = self._without_drifts(self._where_readings_remember(proposed))
+            incumbent = proposed
             self.report(0.25 + 0.1 * turn, f"{incumbent.solved.terms[-1].name} enters")
         return incumbent
+
+    def _entered(self, incumbent: CheckedFit) -> CheckedFit | None:
+        """With the likeliest term more, and without what that makes superfluous; None where none gains enough."""
+        proposed = self.one_more(incumbent)
+        return None if proposed is None else self._without_drifts(self._where_readings_remember(proposed))
+
+    def begun_at_nominal(self, incumbent: CheckedFit) -> CheckedFit:
+        """With the first term looked for at the nominal ratio of moduli, where the fit's has run away and something is
+        missing all the same; the fit itself where none enters."""
+        criteria = incumbent.problem.evidence.criteria
+        if not has_run_away(incumbent.solved) or incumbent.misfit <= criteria.mismatch_ratio:
+            return incumbent
+        other = self._apart()
+        other.build = held_at_nominal(self.build)
+        begun = where_it_settles(other.build, None, at_nominal(incumbent.solved))
+        reached = None if begun is None else other._entered(begun)
+        if reached is None or reached.spoils(incumbent):
+            self._came_to_nothing(other)
+            return incumbent
+        other.build, proposed = let_go(other.build, reached, self.partitions)
+        self._go_on_as(other)
+        self.forms = other.forms
+        return proposed
 
     def found(self, incumbent: CheckedFit) -> tuple[tuple[Chosen, ...], CheckedFit]:
         """All that is missing from a fit: grown, pruned, and its forms and fields asked for once more."""
@@ -212,7 +235,7 @@ class _Search:
         if proposed is None:
             without, solved = replace(incumbent.problem, specimen=None), incumbent.solved
             return checked_fit(without, without.solve(solved.terms, solved.calibration))
-        return _reconsidered(self.build, proposed)
+        return reconsidered(self.build, proposed)
 
     def _without_drifts(self, incumbent: CheckedFit) -> CheckedFit:
         """Without contacts that wander, where places that have not recovered explain them."""
@@ -246,7 +269,7 @@ class _Search:
         trial, proposed = entered
         rivals = self.stand[key_of(trial.term)] = short_of(trial, last)
         self.forms += other_forms(trial, last, rivals, self.fixed)
-        return self._refined(_reconsidered(self.build, proposed))
+        return self._refined(reconsidered(self.build, proposed))
 
     def _refined(self, fit: CheckedFit, free: Freeing = freed_forms) -> CheckedFit:
         """The fit with more of it free; terms keep their rivals."""
@@ -284,7 +307,7 @@ class _Search:
         entered = proposed.solved.terms[-1]
         self.tried.append(Tried(tuple(term.name for term in proposed.solved.terms), gain, True))
         self.stand[key_of(entered)] = (Rival(left.effect, gain),)
-        return _reconsidered(self.build, proposed)
+        return reconsidered(self.build, proposed)
 
     def with_values_at_places(
         self, incumbent: CheckedFit, free: Freeing = freed_forms, least: float = 0.0
@@ -328,7 +351,7 @@ class _Search:
         if fit is None:
             return None
         self.stand[key_of(form.trial.term)] = form.rivals
-        proposed = self._refined(_reconsidered(self.build, fit))
+        proposed = self._refined(reconsidered(self.build, fit))
         return self._without_drifts(self._where_readings_remember(proposed))
 
     def fields_reconsidered(
@@ -487,22 +510,6 @@ def _in_full(problem: VoltageProblem, current: Solved) -> tuple[VoltageProblem, 
         return exact(problem, current)
     except (MeshError, np.linalg.LinAlgError):
         return problem, current
-
-
-def _reconsidered(build: Problem, incumbent: CheckedFit) -> CheckedFit:
-    """The fit begun again from the nominal ratio of moduli, where that fits better than a ratio far from it.
-
-    A ratio that made up for a missing effect doesn't come back by itself once the effect is there.
-    """
-    solved = incumbent.solved
-    if abs(solved.calibration.log_ratio) < RUN_AWAY * WIDEST_RATIO:
-        return incumbent
-    nominal = replace(solved.calibration, log_ratio=0.0)
-    again = incumbent.problem.solve(solved.terms, nominal, leftover=solved.leftover)
-    if again.cost >= solved.cost:
-        return incumbent
-    proposed = where_it_settles(build, incumbent.problem, again)
-    return incumbent if proposed is None or proposed.spoils(incumbent) else proposed
 
 
 def _begun(build: Problem, without: CheckedFit, terms: Sequence[Term]) -> CheckedFit | None:

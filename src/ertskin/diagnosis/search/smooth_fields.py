@@ -2,10 +2,10 @@
 
 The fit's quadratic is taken once by the values of a field on a grid of nodes; every covariance is then a matter of
 small matrices. Lengths run from the grid's spacing to twice the sheet, along and across lines in all directions too.
-Covariance and spread are those with which cells held out are predicted best, each on its own scale of misfit, for what
-is handed on are predictions:
-evidence would have lengths that follow every press, and takes what the form of pressure and fabric leaves for a wide
-spread (Bachoc, Comput. Stat. Data Anal. 66 (2013) 55: where the model is wrong, cross-validation is the more robust).
+Covariance and spread are the mean of those tried, each by how well it predicts cells held out, for what is handed on
+are predictions: evidence would have lengths that follow every press, and takes what the form of pressure and fabric
+leaves for a wide spread (Bachoc, Comput. Stat. Data Anal. 66 (2013) 55: where the model is wrong, cross-validation is
+the more robust).
 Of the process those modes enter the joint fit that the data tell of (Spantini and others, SIAM J. Sci. Comput. 37
 (2015) A2451): where nothing has pressed the field stays as it is expected beforehand.
 """
@@ -15,13 +15,13 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
-from typing import cast
+from typing import NamedTuple, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ertskin.diagnosis.fit.cells_held_out import held_out
-from ertskin.diagnosis.fit.cross_validation import log_misfit, numbers_of
+from ertskin.diagnosis.fit.cross_validation import log_misfit, log_misfits, numbers_of
 from ertskin.diagnosis.fit.joint_fit import VoltageProblem
 from ertskin.diagnosis.fit.solved import Solved
 from ertskin.diagnosis.fit.terms import Modes, Term
@@ -46,6 +46,8 @@ SPREADS = (0.003, 0.01, 0.03, 0.1, 0.3)
 """Standard deviations of the field tried."""
 LEAST_VARIANCE = 1e-3
 """Part of the largest mode's variance from which on down modes of a covariance are left out."""
+LEAST_WEIGHT = 1e-3
+"""Of a covariance, over that of the best one, from which on down it is left out of their mean."""
 LEAST_INFORMATION = 0.02
 """Information on a mode, over that beforehand, from which on it enters the fit."""
 MOST_MODES = 100
@@ -71,12 +73,13 @@ def node_shape(extent_m: Array) -> tuple[int, int]:
 @dataclass(frozen=True, eq=False)
 class NodeQuadratic:
     """A fit's quadratic with the values of a field at M nodes behind its other numbers: half chi-square ``cost`` (F,),
-    gradient (F,n+M) and Hessian (F,n+M,n+M) by cell of so many ``numbers`` (F,); ``prior`` (n,) of the other numbers,
-    ``value`` (n,) theirs from its mean. The field counts from nought. Numbers added to the fit come before the field's
-    and are counted with them."""
+    gradient (F,n+M) and Hessian (F,n+M,n+M) by cell of so many ``numbers`` (F,) and ``presses`` (F,); ``prior`` (n,) of
+    the other numbers, ``value`` (n,) theirs from its mean. The field counts from nought. Numbers added to the fit come
+    before the field's and are counted with them."""
 
     cost: Array
     numbers: Array
+    presses: Array
     gradient: Array
     hessian: Array
     prior: Array
@@ -122,7 +125,7 @@ class NodeQuadratic:
             gradient += from_nought
         prior, value = current.fit.prior.diagonal()[others], current.fit.from_prior[others]
         numbers = np.append(numbers_of(problem, [[k] for k in range(problem.cell_count)]), 0.0)
-        return cls(cost, numbers, gradient, hessian, prior, value)
+        return cls(cost, numbers, np.append(_presses_of(problem), 0.0), gradient, hessian, prior, value)
 
     def along(self, directions: Array, precision: float, partitions: Sequence[Sequence[int]]) -> tuple[float, Array]:
         """Held-out gain of fields (M,K) beside the other numbers, and how much of each (K,)."""
@@ -163,6 +166,7 @@ class NodeQuadratic:
             hessian,
             float(self.cost[~inside].sum() - 0.5 * (slope + left)[:count] @ others),
             float(self.numbers[~inside].sum()),
+            float(self.presses[~inside].sum()),
             through.T @ left,
             through.T @ curved @ through,
         )
@@ -171,12 +175,13 @@ class NodeQuadratic:
 @dataclass(frozen=True, eq=False)
 class Fold:
     """Of a field (M,): gradient and Hessian by the cells inside, and by those held out, the other numbers following;
-    half chi-square ``out_cost`` of those without the field, and how many numbers they hold."""
+    half chi-square ``out_cost`` of those without the field, and how many numbers and presses they hold."""
 
     gradient: Array
     hessian: Array
     out_cost: float
     out_numbers: float
+    out_presses: float
     out_gradient: Array
     out_hessian: Array
 
@@ -185,6 +190,13 @@ class Fold:
         matrix = np.eye(modes.shape[1]) + modes.T @ self.hessian @ modes
         field = modes @ np.linalg.solve(matrix, modes.T @ self.gradient)
         return float(field @ self.out_gradient - 0.5 * field @ self.out_hessian @ field)
+
+
+def _presses_of(problem: VoltageProblem) -> Array:
+    """(F,) how many presses each cell holds."""
+    fitted, press = problem.weight > 0, problem.evidence.history.press
+    cells = (np.unique(press[fitted & (problem.cells == k)]).size for k in range(problem.cell_count))
+    return np.array([*cells], dtype=float)
 
 
 def _others(current: Solved, number: int) -> NDArray[np.bool_]:
@@ -206,10 +218,9 @@ def _covariances(shape: tuple[int, int], box: tuple[float, ...]) -> list[Array]:
     return [_half(shape, extent_m, side * np.array(lengths), angle) for lengths, angle in _kinds()]
 
 
-def covariance_half(extent_m: Array, length: float) -> tuple[int, Array]:
-    """The even covariance with this one of ``LENGTHS``: its number, and its half (M,J)."""
-    number = LENGTHS.index(length)
-    return number, covariances(extent_m)[number]
+def covariance_half(extent_m: Array, length: float) -> Array:
+    """Half (M,J) of the even covariance with this one of ``LENGTHS``."""
+    return covariances(extent_m)[LENGTHS.index(length)]
 
 
 def _kinds() -> Iterator[tuple[tuple[float, float], float]]:
@@ -233,58 +244,93 @@ def _half(shape: tuple[int, int], extent_m: Array, length_m: Array, angle: float
 
 @dataclass(frozen=True, eq=False)
 class Process:
-    """A Gaussian process by the number of its covariance, its standard deviation and its modes (M,K) that the data tell
-    of, with their most likely ``sizes`` (K,). In cells held out: ``gain`` in half chi-square, or as ``log_misfit``
-    has it where that is more, and that ``misfit``."""
+    """A Gaussian process by half (M,J) of its covariance, of unit variance, its standard deviation and its modes (M,K)
+    that the data tell of, with their most likely ``sizes`` (K,). ``gain``: the most that any tried gains in cells held
+    out, in half chi-square, or as ``log_misfit`` has it where that is more."""
 
-    covariance: int
+    half: Array
     spread: float
     modes: Array
     sizes: Array
     gain: float
-    misfit: float
 
     def of(self, term: Term, extent_m: Array) -> Term:
         """The term with a smooth field in these modes."""
-        modes = Modes(self.modes.T.reshape(-1, *node_shape(extent_m)), self.covariance, self.spread)
+        modes = Modes(self.modes.T.reshape(-1, *node_shape(extent_m)), self.half, self.spread)
         farthest = float(np.abs(self.modes @ self.sizes).max())
         sizes = self.sizes * min(1.0, FARTHEST / max(farthest, 1e-12))
         begun = replace(term, modes=modes, sizes=tuple(map(float, sizes)))
         return begun.at(begun.start)
 
 
-def most_predictive(quadratic: NodeQuadratic, extent_m: Array, partitions: Sequence[Sequence[int]]) -> Process:
-    """The process with which cells held out are likeliest, to first order."""
+class _Told(NamedTuple):
+    """What cells held out say of a covariance and a ``spread``: ``misfit`` and ``gain`` as ``log_misfit`` has them,
+    ``missed`` with each press as a single number; modes and their sizes."""
+
+    misfit: float
+    missed: float
+    gain: float
+    spread: float
+    modes: Array
+    sizes: Array
+
+
+def predictive(quadratic: NodeQuadratic, extent_m: Array, partitions: Sequence[Sequence[int]]) -> Process:
+    """The process that cells held out expect, to first order.
+
+    Each covariance tried counts by how well it predicts them, each press as a single number: most of what it is missed
+    by comes from what the field is at its place. The best of ten is often so by chance where a dozen presses judge.
+    """
     gradient, hessian = quadratic.reduced()
     folds = [quadratic.fold(out) for out in partitions]
-    halves = covariances(extent_m)
-    costs, numbers = (np.array([getattr(fold, name) for fold in folds]) for name in ("out_cost", "out_numbers"))
-    without, found = log_misfit(costs, numbers), []
-    for number in _likely(halves, gradient, hessian):
+    names = "out_cost", "out_numbers", "out_presses"
+    costs, numbers, presses = (np.array([getattr(fold, name) for fold in folds]) for name in names)
+
+    def of_spread(half: Array) -> list[_Told]:
+        """By each of the ``SPREADS``."""
+        found = []
         for spread in SPREADS:
-            modes, sizes = _informed_modes(halves[number], spread, gradient, hessian)
-            gains = np.array([fold.gain(modes) for fold in folds])
-            misfit = log_misfit(costs - gains, numbers)
-            gain = max(float(gains.sum()), without - misfit)
-            found.append(Process(number, spread, modes, sizes, gain, misfit))
-    return min(found, key=lambda process: process.misfit)
+            modes, sizes = _informed_modes(half, spread, gradient, hessian)
+            left = costs - np.array([fold.gain(modes) for fold in folds])
+            misfit, missed = log_misfit(left, numbers), float(presses @ log_misfits(left, numbers))
+            gain = max(float((costs - left).sum()), log_misfit(costs, numbers) - misfit)
+            found.append(_Told(misfit, missed, gain, spread, modes, sizes))
+        return found
+
+    halves = covariances(extent_m)
+    tried = [halves[number] for number in _likely(halves, gradient, hessian)]
+    told = [of_spread(half) for half in tried]
+    missed = np.array([min(one.missed for one in each) for each in told])
+    half = _mean_half(tried, np.exp(missed.min() - missed))
+    best = min(of_spread(half), key=lambda one: one.misfit)
+    # What a field may gain is what the best of them would: the fit with it is judged by itself.
+    gain = max(best.gain, *(one.gain for each in told for one in each))
+    return Process(half, best.spread, best.modes, best.sizes, gain)
 
 
-def node_covariance(modes: Modes, known: Array, extent_m: Array) -> Array:
+def _mean_half(halves: Sequence[Array], weight: Array) -> Array:
+    """Half (M,J) of the weighted mean of covariances by their halves (M,J)."""
+    weight = np.where(weight > LEAST_WEIGHT, weight, 0.0) / weight[weight > LEAST_WEIGHT].sum()
+    mean = sum(w * half @ half.T for w, half in zip(weight, halves, strict=True) if w)
+    variance, vector = np.linalg.eigh(np.asarray(mean))
+    kept = variance > LEAST_VARIANCE * variance.max()
+    return np.asarray(vector[:, kept] * np.sqrt(variance[kept]))
+
+
+def node_covariance(modes: Modes, known: Array) -> Array:
     """(M,M) covariance of a field's node values, of whose modes the covariance ``known`` (K,K) is what a fit leaves.
 
     What of the process isn't in the modes is as unknown as beforehand.
     """
-    half = covariances(extent_m)[modes.covariance]
     flat = modes.nodes.reshape(len(modes.nodes), -1)
-    return np.asarray(modes.spread**2 * half @ half.T + flat.T @ (known - np.eye(len(known))) @ flat)
+    return np.asarray(modes.spread**2 * modes.half @ modes.half.T + flat.T @ (known - np.eye(len(known))) @ flat)
 
 
-def evidences(half: Array, gradient: Array, hessian: Array) -> Array:
-    """(S,) logarithm of the evidence for a covariance (M,J) of each of the ``SPREADS``, over that without a field."""
+def evidences(half: Array, gradient: Array, hessian: Array, spreads: Sequence[float] = SPREADS) -> Array:
+    """(S,) logarithm of the evidence for a covariance (M,J) of each of the ``spreads``, over that without a field."""
     size, vector = np.linalg.eigh(half.T @ hessian @ half)
     along = (vector.T @ (half.T @ gradient)) ** 2
-    variance = np.square(SPREADS)[:, None]
+    variance = np.square(spreads)[:, None]
     information = variance * np.maximum(size, 0.0)
     return np.asarray(0.5 * (variance * along / (1 + information) - np.log1p(information)).sum(axis=1))
 
@@ -358,7 +404,7 @@ def with_smooth_field(
     """
     current, extent_m = problem.at_hand(current), problem.evidence.sensor.extent_m
     quadratic = NodeQuadratic.of(problem, current, current.effects, number)
-    process = most_predictive(quadratic, extent_m, partitions)
+    process = predictive(quadratic, extent_m, partitions)
     if process.gain < least or not process.modes.size or not np.isfinite(process.sizes).all():
         return None
     terms = [*current.terms[:number], process.of(current.terms[number], extent_m), *current.terms[number + 1 :]]

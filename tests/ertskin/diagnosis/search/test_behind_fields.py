@@ -68,7 +68,7 @@ def test_what_a_direction_gains_is_marginal_likelihood() -> None:
     wrong = rng.normal(size=30) + added @ [0.4, -0.3, 0.0] + 0.03 * field @ rng.normal(size=nodes)
     columns = np.hstack([calibration, added, field])
     quadratic = NodeQuadratic(
-        np.zeros(1), np.zeros(1), (columns.T @ wrong)[None], (columns.T @ columns)[None], np.full(2, 4.0), np.zeros(2)
+        *np.zeros((3, 1)), (columns.T @ wrong)[None], (columns.T @ columns)[None], np.full(2, 4.0), np.zeros(2)
     )
     directions = [Direction(np.zeros((1, 1, count)), lambda value: None) for count in (2, 1)]  # type: ignore[arg-type,return-value]
 

@@ -92,7 +92,7 @@ def search(monkeypatch: pytest.MonkeyPatch) -> selection._Search:
     """One to which an offset enters beside what is there, of whose term another form is known."""
     monkeypatch.setattr(selection, "where_it_settles", lambda build, problem, solved: fit_of(*solved.terms))
     monkeypatch.setattr(selection, "refined", lambda build, fit, partitions, free: fit)
-    monkeypatch.setattr(selection, "_reconsidered", lambda build, fit: fit)
+    monkeypatch.setattr(selection, "reconsidered", lambda build, fit: fit)
     monkeypatch.setattr(selection, "worth_a_name", lambda problem, solved: 600.0)
     monkeypatch.setattr(selection, "may_be_likelier", lambda fit, incumbent, least, partitions: True)
     monkeypatch.setattr(selection._Search, "_without_drifts", lambda search, fit: fit)

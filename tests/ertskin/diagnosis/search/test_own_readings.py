@@ -39,7 +39,7 @@ def test_a_specimen_that_shows_nothing_of_what_the_skin_remembers_is_left_out(
     made = selection._Search(None, [], lambda share, text: None, 0, {})  # type: ignore[arg-type]
     monkeypatch.setattr(selection, "remembers_alike", lambda specimen, effects, criteria: alike)
     monkeypatch.setattr(selection, "where_it_settles", lambda build, problem, solved: apart)
-    monkeypatch.setattr(selection, "_reconsidered", lambda build, proposed: proposed)
+    monkeypatch.setattr(selection, "reconsidered", lambda build, proposed: proposed)
     left_out = not alike and not own
     assert made._where_readings_remember(incumbent) is (apart if left_out else incumbent)
     assert made.disagrees is left_out
@@ -52,9 +52,10 @@ def test_a_specimen_that_differs_in_the_end_has_no_say_in_what_is_named(monkeypa
     apart = replace(apart, problem=without)
     monkeypatch.setattr(selection, "remembers_alike", lambda specimen, effects, criteria: False)
     monkeypatch.setattr(selection, "where_it_settles", lambda build, problem, solved: apart)
-    monkeypatch.setattr(selection, "_reconsidered", lambda build, proposed: proposed)
+    monkeypatch.setattr(selection, "reconsidered", lambda build, proposed: proposed)
     calibrations = iter((incumbent, apart))
     monkeypatch.setattr(selection, "_calibrated", lambda build, fixed, start: next(calibrations))
+    monkeypatch.setattr(selection._Search, "begun_at_nominal", lambda search, fit: fit)
     monkeypatch.setattr(selection._Search, "grown", lambda search, fit: fit)
 
     def pruned(search: selection._Search, fit: CheckedFit) -> tuple[tuple[Any, ...], CheckedFit]:
@@ -125,6 +126,7 @@ def test_what_places_keep_takes_the_stead_of_contacts_that_wander(
     monkeypatch.setattr(selection, "where_it_settles", where_it_settles)
     monkeypatch.setattr(selection, "in_fabric", lambda effects: effects)
     monkeypatch.setattr(selection, "_calibrated", lambda build, fixed, start: fit_of(tuple(fixed), 3.0))
+    monkeypatch.setattr(selection._Search, "begun_at_nominal", lambda search, fit: fit)
     search = selection._Search(None, [], lambda share, text: None, contacts, {})  # type: ignore[arg-type]
     monkeypatch.setattr(selection._Search, "found", lambda search, fit: ((), fit))
     _, found = search.found_remembering(fit_of((WANDERS,) * contacts, 2.0), None)  # type: ignore[arg-type]
@@ -148,6 +150,7 @@ def test_where_no_memory_is_left_the_contacts_are_asked(kept: bool, monkeypatch:
 
     monkeypatch.setattr(selection, "in_fabric", lambda effects: effects)
     monkeypatch.setattr(selection, "_calibrated", lambda build, fixed, start: contacts)
+    monkeypatch.setattr(selection._Search, "begun_at_nominal", lambda search, fit: fit)
     monkeypatch.setattr(selection._Search, "_remembering", remembering)
     monkeypatch.setattr(selection._Search, "grown", grown)
     monkeypatch.setattr(selection._Search, "pruned", lambda search, fit: ((), fit))

@@ -111,7 +111,7 @@ def test_places_differ_from_their_mean_and_say_nothing_of_those_far_away() -> No
     assert np.abs(at_places.mean()) < 0.02 * np.abs(at_places).max()
     assert np.abs(far).max() < 0.1 * np.abs(at_places).max()
     every = np.stack([field_design(shape, place_m, extent_m) @ mode.ravel() for mode in modes.nodes], axis=1)
-    of_process = field_design(shape, place_m, extent_m) @ covariance_half(extent_m, LENGTH)[1]
+    of_process = field_design(shape, place_m, extent_m) @ covariance_half(extent_m, LENGTH)
     # The places are all but independent beforehand: without their mean three of four parts of the variance stay.
     expected = 0.05 * np.sqrt(3 / 4 * np.diag(of_process @ of_process.T))
     assert np.sqrt(np.diag(every @ every.T)) == pytest.approx(expected, rel=0.05)
