@@ -164,10 +164,10 @@ def _fitted_to(
 
     How far a field spreads is chosen, not fitted: of too few places it is chosen wrongly.
     """
-    linearised, found = _building(evidence, baseline, family, rows, _silent), selection.problem
+    linearised, specimen = _building(evidence, baseline, family, rows, _silent), selection.problem.specimen
 
     def build(solved: Solved | None) -> VoltageProblem:
-        return replace(linearised(solved), specimen=found.specimen, widest_ratio=found.widest_ratio)
+        return replace(linearised(solved), specimen=specimen)
 
     if any(term.modes is not None for term in selection.after.terms):
         partitions = _partitions(folds_of(evidence.history.press[rows], FOLDS))

@@ -1,4 +1,4 @@
-"""The ratio of moduli held near nominal while what is missing is looked for, then let go.
+"""The ratio of moduli kept near nominal while the first of what is missing is looked for.
 
 Where a property varies between the few places pressed, a foam twelve times too soft fits better than one that is as its
 data sheet says, and about that fit the field is another one: of a seam of sensitivity (``c035`` of ``twentyeighth48``)
@@ -8,10 +8,8 @@ instead of 1.31 without any map.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 
-from ertskin.diagnosis.fit.cross_validation import log_misfit_held_out
 from ertskin.diagnosis.fit.full_solution_check import CheckedFit, Problem
 from ertskin.diagnosis.fit.solved import Solved
 from ertskin.diagnosis.linear.calibration_vector import WIDEST_RATIO
@@ -19,8 +17,8 @@ from ertskin.diagnosis.search.settling import where_it_settles
 
 RUN_AWAY = 0.4
 """Part of the widest ratio of moduli from which on a fit is taken to have run away."""
-HELD = 0.4
-"""How far the logarithm of the ratio may go while it is held: a foam half again as stiff as its data sheet says."""
+NEAR = 0.4
+"""How far the logarithm of the ratio may go near nominal: a foam half again as stiff as its data sheet says."""
 
 
 def has_run_away(solved: Solved) -> bool:
@@ -29,27 +27,18 @@ def has_run_away(solved: Solved) -> bool:
 
 
 def at_nominal(solved: Solved) -> Solved:
-    """The fit with its ratio of moduli put back."""
+    """The fit to be begun again with its ratio of moduli put back; all else is as it was with the old one."""
     return replace(solved, calibration=replace(solved.calibration, log_ratio=0.0))
 
 
-def held_at_nominal(build: Problem) -> Problem:
-    """What linearises, with the ratio of moduli held near nominal."""
-    return _with_ratio(build, HELD)
+def near_nominal(build: Problem) -> Problem:
+    """What linearises, the ratio of moduli kept near nominal."""
+    return lambda solved: replace(build(solved), widest_ratio=NEAR)
 
 
-def let_go(build: Problem, held: CheckedFit, partitions: Sequence[Sequence[int]]) -> tuple[Problem, CheckedFit]:
-    """A fit whose ratio ``build`` has ``held``, with it free, and what linearises so; with it held where it runs away
-    again and predicts cells held out no better for it."""
-    letting = _with_ratio(build, WIDEST_RATIO)
-    free = where_it_settles(letting, None, held.solved)
-    if free is None or free.spoils(held):
-        return build, held
-    if has_run_away(free.solved):
-        with_it_held, with_it_free = (log_misfit_held_out(f.problem, f.solved, partitions) for f in (held, free))
-        if with_it_held <= with_it_free:
-            return build, held
-    return letting, free
+def let_go(build: Problem) -> Problem:
+    """What linearises, the ratio as free as it is elsewhere."""
+    return lambda solved: replace(build(solved), widest_ratio=WIDEST_RATIO)
 
 
 def reconsidered(build: Problem, incumbent: CheckedFit) -> CheckedFit:
@@ -65,8 +54,3 @@ def reconsidered(build: Problem, incumbent: CheckedFit) -> CheckedFit:
         return incumbent
     proposed = where_it_settles(build, incumbent.problem, again)
     return incumbent if proposed is None or proposed.spoils(incumbent) else proposed
-
-
-def _with_ratio(build: Problem, widest: float) -> Problem:
-    """What linearises, the ratio's logarithm going no further than this."""
-    return lambda solved: replace(build(solved), widest_ratio=widest)

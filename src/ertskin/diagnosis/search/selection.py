@@ -25,7 +25,7 @@ from ertskin.diagnosis.search.entering import first_to_hold, likely, of_few_numb
 from ertskin.diagnosis.search.exchange import exchanged, gain_of_exchange
 from ertskin.diagnosis.search.form_error import form_error
 from ertskin.diagnosis.search.gain import gained
-from ertskin.diagnosis.search.nominal_ratio import at_nominal, has_run_away, held_at_nominal, let_go, reconsidered
+from ertskin.diagnosis.search.nominal_ratio import at_nominal, has_run_away, let_go, near_nominal, reconsidered
 from ertskin.diagnosis.search.other_forms import OtherForm, may_be_likelier, other_forms
 from ertskin.diagnosis.search.pressed_places import with_field_by_place
 from ertskin.diagnosis.search.settling import Freeing, freed_forms, refined, spread, where_it_settles
@@ -164,19 +164,23 @@ class _Search:
         return None if proposed is None else self._without_drifts(self._where_readings_remember(proposed))
 
     def begun_at_nominal(self, incumbent: CheckedFit) -> CheckedFit:
-        """With the first term looked for at the nominal ratio of moduli, where the fit's has run away and something is
-        missing all the same; the fit itself where none enters."""
-        criteria = incumbent.problem.evidence.criteria
-        if not has_run_away(incumbent.solved) or incumbent.misfit <= criteria.mismatch_ratio:
+        """With the first term looked for near the nominal ratio of moduli, where the fit's has run away and something
+        is missing all the same, and the ratio let go; the fit itself where none enters or stays."""
+        incumbent = reconsidered(self.build, incumbent)
+        few = len(incumbent.solved.terms) - self.fixed < MOST_TERMS
+        missing = incumbent.misfit > incumbent.problem.evidence.criteria.mismatch_ratio
+        if not (few and missing and has_run_away(incumbent.solved)):
             return incumbent
+        self.report(0.18, "looking for what is missing, the foam nearly as its data sheet says")
         other = self._apart()
-        other.build = held_at_nominal(self.build)
+        other.build = near_nominal(self.build)
         begun = where_it_settles(other.build, None, at_nominal(incumbent.solved))
         reached = None if begun is None else other._entered(begun)
-        if reached is None or reached.spoils(incumbent):
+        other.build = let_go(other.build)
+        proposed = None if reached is None else where_it_settles(other.build, None, reached.solved)
+        if proposed is None or proposed.spoils(incumbent):
             self._came_to_nothing(other)
             return incumbent
-        other.build, proposed = let_go(other.build, reached, self.partitions)
         self._go_on_as(other)
         self.forms = other.forms
         return proposed
@@ -208,7 +212,7 @@ class _Search:
         still = without_paths(terms)
         if len(still) == len(terms):
             return None
-        self.fixed = len(still)
+        self.fixed = len(without_paths(terms[: self.fixed]))
         proposed = self.one_more(_calibrated(self.build, still, start), _may_remember_air)
         if proposed is None or not _remembers_air(proposed.solved):
             return None

@@ -2,10 +2,10 @@
 
 The fit's quadratic is taken once by the values of a field on a grid of nodes; every covariance is then a matter of
 small matrices. Lengths run from the grid's spacing to twice the sheet, along and across lines in all directions too.
-Covariance and spread are the mean of those tried, each by how well it predicts cells held out, for what is handed on
-are predictions: evidence would have lengths that follow every press, and takes what the form of pressure and fabric
-leaves for a wide spread (Bachoc, Comput. Stat. Data Anal. 66 (2013) 55: where the model is wrong, cross-validation is
-the more robust).
+The covariance is the mean of those tried, each by how well it predicts cells held out, and the spread the one that
+predicts best with it, for what is handed on are predictions: evidence would have lengths that follow every press, and
+takes what the form of pressure and fabric leaves for a wide spread (Bachoc, Comput. Stat. Data Anal. 66 (2013) 55:
+where the model is wrong, cross-validation is the more robust).
 Of the process those modes enter the joint fit that the data tell of (Spantini and others, SIAM J. Sci. Comput. 37
 (2015) A2451): where nothing has pressed the field stays as it is expected beforehand.
 """
@@ -194,7 +194,8 @@ class Fold:
 
 def _presses_of(problem: VoltageProblem) -> Array:
     """(F,) how many presses each cell holds."""
-    fitted, press = problem.weight > 0, problem.evidence.history.press
+    press, touched = problem.evidence.history.press, problem.evidence.history.touched.any(axis=1)
+    fitted = (problem.weight > 0) & touched
     cells = (np.unique(press[fitted & (problem.cells == k)]).size for k in range(problem.cell_count))
     return np.array([*cells], dtype=float)
 
@@ -245,8 +246,8 @@ def _half(shape: tuple[int, int], extent_m: Array, length_m: Array, angle: float
 @dataclass(frozen=True, eq=False)
 class Process:
     """A Gaussian process by half (M,J) of its covariance, of unit variance, its standard deviation and its modes (M,K)
-    that the data tell of, with their most likely ``sizes`` (K,). ``gain``: the most that any tried gains in cells held
-    out, in half chi-square, or as ``log_misfit`` has it where that is more."""
+    that the data tell of, with their most likely ``sizes`` (K,). ``gain``: what it, or the one of those tried that does
+    best, gains in cells held out, in half chi-square, or as ``log_misfit`` has it where that is more."""
 
     half: Array
     spread: float
@@ -278,8 +279,9 @@ class _Told(NamedTuple):
 def predictive(quadratic: NodeQuadratic, extent_m: Array, partitions: Sequence[Sequence[int]]) -> Process:
     """The process that cells held out expect, to first order.
 
-    Each covariance tried counts by how well it predicts them, each press as a single number: most of what it is missed
-    by comes from what the field is at its place. The best of ten is often so by chance where a dozen presses judge.
+    Each covariance tried counts by how well it predicts them with the spread that suits it, each press as a single
+    number: most of what it is missed by comes from what the field is at its place. The best of ten is often so by
+    chance where a dozen presses judge. The spread is the one that predicts best with their mean.
     """
     gradient, hessian = quadratic.reduced()
     folds = [quadratic.fold(out) for out in partitions]
@@ -303,9 +305,9 @@ def predictive(quadratic: NodeQuadratic, extent_m: Array, partitions: Sequence[S
     missed = np.array([min(one.missed for one in each) for each in told])
     half = _mean_half(tried, np.exp(missed.min() - missed))
     best = min(of_spread(half), key=lambda one: one.misfit)
-    # What a field may gain is what the best of them would: the fit with it is judged by itself.
-    gain = max(best.gain, *(one.gain for each in told for one in each))
-    return Process(half, best.spread, best.modes, best.sizes, gain)
+    # Whether it is tried hangs on what the best of them promises: a fit with it is judged by itself.
+    most = min((one for each in told for one in each), key=lambda one: one.misfit)
+    return Process(half, best.spread, best.modes, best.sizes, max(best.gain, most.gain))
 
 
 def _mean_half(halves: Sequence[Array], weight: Array) -> Array:

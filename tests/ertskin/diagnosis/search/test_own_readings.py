@@ -126,13 +126,25 @@ def test_what_places_keep_takes_the_stead_of_contacts_that_wander(
     monkeypatch.setattr(selection, "where_it_settles", where_it_settles)
     monkeypatch.setattr(selection, "in_fabric", lambda effects: effects)
     monkeypatch.setattr(selection, "_calibrated", lambda build, fixed, start: fit_of(tuple(fixed), 3.0))
-    monkeypatch.setattr(selection._Search, "begun_at_nominal", lambda search, fit: fit)
     search = selection._Search(None, [], lambda share, text: None, contacts, {})  # type: ignore[arg-type]
     monkeypatch.setattr(selection._Search, "found", lambda search, fit: ((), fit))
     _, found = search.found_remembering(fit_of((WANDERS,) * contacts, 2.0), None)  # type: ignore[arg-type]
     assert (WANDERS not in found.solved.terms) == (taken or not contacts)
     assert search.fixed == (0 if taken else contacts)
     assert [one.kept for one in search.tried] == ([taken] if contacts else [])
+
+
+def test_what_entered_before_a_memory_is_asked_of_contacts_may_still_go(monkeypatch: pytest.MonkeyPatch) -> None:
+    field = named(None, False)
+    monkeypatch.setattr(selection._Search, "one_more", lambda search, fit, wanted: fit_of((field, CREEP), 1.0))
+    monkeypatch.setattr(selection, "_as_good_alone", lambda build, fit, contacts: True)
+    monkeypatch.setattr(selection, "in_fabric", lambda effects: effects)
+    monkeypatch.setattr(selection, "_calibrated", lambda build, fixed, start: fit_of(tuple(fixed), 3.0))
+    monkeypatch.setattr(selection._Search, "found", lambda search, fit: ((), fit))
+    search = selection._Search(None, [], lambda share, text: None, 1, {})  # type: ignore[arg-type]
+    _, found = search.found_remembering(fit_of((WANDERS, field), 2.0), None)  # type: ignore[arg-type]
+    assert found.solved.terms == (field, CREEP)
+    assert search.fixed == 0
 
 
 @pytest.mark.parametrize("kept", [True, False])

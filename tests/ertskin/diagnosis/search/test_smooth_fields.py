@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
+from small_problem import START, recorded
 
 from ertskin.diagnosis.fit import joint_fit
 from ertskin.diagnosis.fit.terms import Modes, Term
@@ -239,3 +242,15 @@ def test_no_fit_goes_to_fields_that_no_fabric_has() -> None:
     assert joint_fit._varies_most(effects) == 6.0
     assert joint_fit._varies_most(effects[:1]) == 0.0
     assert smooth_fields.FARTHEST < joint_fit.MOST_FIELD < 6.0
+
+
+def test_each_press_counts_once_in_its_cell_and_air_not_at_all() -> None:
+    problem = recorded()
+    history = problem.evidence.history
+    in_air = np.where(history.touched.any(axis=1), history.press, 9)
+    assert (in_air == 9).any()
+    evidence = replace(problem.evidence, history=replace(history, press=in_air))
+    for cells, presses in ((problem.cells, [1.0, 1.0, 1.0, 1.0, 0.0]), (problem.cells // 2, [2.0, 2.0, 0.0])):
+        part = replace(problem, evidence=evidence, cells=cells)
+        begun = part.at_hand(part.solve([], START))
+        assert NodeQuadratic.of(part, begun, (SheetInhomogeneity(),), 0).presses.tolist() == presses
