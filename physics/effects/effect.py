@@ -277,7 +277,8 @@ class PlacementEffect(Effect):
 
 @dataclass(frozen=True)
 class PiezoEffect(Effect):
-    """A piezoresistance effect: what pressure the fabric's law answers to, or what multiplies its resistance."""
+    """A piezoresistance effect: what pressure the fabric's law answers to, what multiplies its resistance or raises it to
+    a power."""
 
     stage: ClassVar[Stage] = Stage.PIEZORESISTANCE
     order: ClassVar[int] = 0
@@ -300,6 +301,10 @@ class PiezoEffect(Effect):
         """(n,N) factor on the law's resistance at the ``wanted`` times (n,), all T by default, from the pressures (T,N)
         before this effect."""
         return 1.0
+
+    def response_power(self, position_m: Array, extent_m: Array) -> Array | None:
+        """(N,) power to which, at points (N,2), the law's resistance over that at rest is raised; None for 1."""
+        return None
 
 
 @dataclass(frozen=True)

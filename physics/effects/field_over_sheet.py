@@ -98,6 +98,10 @@ class FieldOverSheet(Effect):
             yield Start(line, OF_LINE, ("ridge",))
             yield Start(line, OF_STEP, ("step",))
 
+    def freely_varying(self, free: tuple[str, ...]) -> tuple[Start, ...]:
+        """How it may begin where it is a smooth field, with what moves beside the field's values."""
+        return (Start(self, free),)
+
     def freer(self, free: tuple[str, ...]) -> tuple[Start, ...]:
         """How softly a line begins."""
         if "ridge" in free and "edge_m" not in free:

@@ -10,6 +10,9 @@ from numpy.typing import NDArray
 from ertskin.physics.effects.effect import Array, Effect, PiezoEffect
 from ertskin.physics.piezo.polynomial import PiezoPolynomial
 
+LEAST_RELATIVE = 1e-6
+"""Of a law over its value at rest, the least that is raised to a power: a fit may lead a law astray, through nought."""
+
 
 def in_fabric(effects: Sequence[Effect]) -> list[PiezoEffect]:
     """What effects do to the fabric, in the order in which it happens."""
@@ -48,4 +51,15 @@ def fabric_ohm_sq(
 ) -> Array:
     """(n,N) ohm per square at the ``wanted`` times (n,), all T by default; arguments as of ``felt``."""
     pressure_pa, factor = felt(effects, pressure_pa, position_m, time_s, extent_m, wanted)
-    return np.asarray(factor * law.sheet_resistance_ohm_sq(pressure_pa))
+    power = response_power(effects, position_m, extent_m)
+    answered = law.sheet_resistance_ohm_sq(pressure_pa)
+    if power is not None:
+        answered = law.zero_ohm_sq * np.maximum(answered / law.zero_ohm_sq, LEAST_RELATIVE) ** power
+    return np.asarray(factor * answered)
+
+
+def response_power(effects: Sequence[Effect], position_m: Array, extent_m: Array) -> Array | None:
+    """(N,) power to which all effects together raise the law's resistance over that at rest; None for 1."""
+    powers = (effect.response_power(position_m, extent_m) for effect in in_fabric(effects))
+    raised = [power for power in powers if power is not None]
+    return np.prod(raised, axis=0) if raised else None

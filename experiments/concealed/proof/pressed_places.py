@@ -67,8 +67,10 @@ def known(recording: Path, hidden: dict[str, Any], point_m: Array) -> Known:
     before = problem.solve(fixed, _start(baseline))
     place_m, extent_m = pressed_places_m(problem), evidence.sensor.extent_m
     modes = modes_at(place_m, SPREAD, extent_m)
-    field = Term(PiezoInhomogeneity(), (), modes).at(np.zeros(len(modes.nodes)).tolist())
-    after = problem.solve([*fixed, field], before.calibration, steps=10)
+    even = (0.0,) * len(modes.nodes)
+    fields = [Term(start.effect, start.free, modes, even) for start in PiezoInhomogeneity().freely_varying(())]
+    fits = [problem.solve([*fixed, field.at(field.start)], before.calibration, steps=10) for field in fields]
+    after = min(fits, key=lambda fit: fit.cost)
     found = np.asarray(after.effects[-1].map_at(point_m, extent_m))
     true = np.array(hidden["details"]["map"])
     near = np.linalg.norm(point_m[:, None] - place_m, axis=-1).min(axis=1) <= NEXT_TO_M

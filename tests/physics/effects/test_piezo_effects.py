@@ -7,11 +7,13 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from ertskin.physics.effects.contact_age import contact_age_s
+from ertskin.physics.effects.effect import Start
 from ertskin.physics.effects.exponential_memory import lagging
 from ertskin.physics.effects.piezo_chain import fabric_ohm_sq
 from ertskin.physics.effects.piezo_creep import PiezoCreep
 from ertskin.physics.effects.piezo_hysteresis import PiezoHysteresis
 from ertskin.physics.effects.piezo_inhomogeneity import PiezoInhomogeneity
+from ertskin.physics.effects.sheet_inhomogeneity import SheetInhomogeneity
 from ertskin.physics.piezo.polynomial import PiezoPolynomial
 
 EXTENT = np.array([[0.0, 0.0], [0.12, 0.12]])
@@ -126,6 +128,40 @@ def test_inhomogeneity_is_a_spot_on_a_slope() -> None:
     slope = 0.1 * (at[:, 0] / 0.12 - 0.5)
     spot = 0.4 * np.exp(-0.5 * np.array([0.0, 1.0, (0.1**2 + 0.1**2) / 0.02**2]))
     np.testing.assert_allclose(effect.logarithm(at, EXTENT), slope + spot, rtol=1e-12)
+
+
+@pytest.mark.parametrize("part", [0.0, 0.4, 1.0])
+def test_a_sensitive_place_answers_a_light_pressure_alike_and_a_heavy_one_by_where_its_field_acts(part: float) -> None:
+    law = PiezoPolynomial(np.array([0.6, -0.4]), 6e4, 2e4)
+    effect = PiezoInhomogeneity(gradient_x=1.0, in_response=part)
+    ends, moment = np.array([[0.0, 0.06], [0.12, 0.06]]), np.zeros(1)
+
+    def answered(effects: tuple[PiezoInhomogeneity, ...], pressure_pa: float) -> np.ndarray:
+        ohm_sq = fabric_ohm_sq(law, effects, np.full((1, 2), pressure_pa), ends, moment, EXTENT)
+        return np.log(ohm_sq[0] / law.zero_ohm_sq)
+
+    np.testing.assert_allclose(answered((effect,), 1.0) / answered((), 1.0), np.exp([-0.5, 0.5]), rtol=1e-3)
+    assert answered((effect,), 0.0) == pytest.approx(0.0)
+    scaled = law.sheet_resistance_ohm_sq(4e4 * np.exp((1 - part) * np.array([-0.5, 0.5]))) / law.zero_ohm_sq
+    np.testing.assert_allclose(answered((effect,), 4e4), np.exp(part * np.array([-0.5, 0.5])) * np.log(scaled))
+
+
+def test_fields_in_the_response_multiply() -> None:
+    law = PiezoPolynomial(np.array([0.6, -0.4]), 6e4, 2e4)
+    once, twice = (PiezoInhomogeneity(gradient_x=g, in_response=1.0) for g in (0.4, 0.8))
+    at, pressure = np.array([[0.12, 0.0]]), np.full((1, 1), 2e4)
+    both, alone = (fabric_ohm_sq(law, e, pressure, at, np.zeros(1), EXTENT) for e in ((once, once), (twice,)))
+    assert both == pytest.approx(alone)
+
+
+def test_where_a_field_acts_is_freed_once_from_either_end_and_with_a_smooth_field() -> None:
+    effect, free = PiezoInhomogeneity(gradient_x=0.4), ("gradient_x", "in_response")
+    ends = effect.freer(("gradient_x",))
+    assert [(end.free, end.effect.value("in_response")) for end in ends] == [(free, 0.0), (free, 1.0)]
+    assert effect.freely_varying(("gradient_x",)) == ends
+    assert ends[1].effect.freer(free) == ()
+    assert ends[1].effect.freely_varying(free) == (ends[1],)
+    assert SheetInhomogeneity().freely_varying(()) == (Start(SheetInhomogeneity(), ()),)
 
 
 def test_inhomogeneity_by_nodes_passes_through_them() -> None:

@@ -26,6 +26,7 @@ from ertskin.diagnosis.recording.evidence import Evidence
 from ertskin.diagnosis.specimen.signal import SpecimenSignal
 from ertskin.physics.effects.effect import Effect
 from ertskin.physics.effects.field_over_sheet import FieldOverSheet
+from ertskin.physics.effects.piezo_chain import LEAST_RELATIVE, response_power
 from ertskin.physics.skin import Skin
 
 Array = NDArray[np.float64]
@@ -160,7 +161,7 @@ class VoltageProblem:
 
     def _cost(self, layout: Layout, x: Array) -> float:
         skin = self._skin(layout, x)
-        if skin.piezo.least_ohm_sq <= LEAST_LAW * skin.piezo.zero_ohm_sq or _varies_most(skin.effects) > MOST_FIELD:
+        if _law_is_gone(skin) or _varies_most(skin.effects) > MOST_FIELD:
             # There is no such sheet; linearised, it wouldn't show.
             return np.inf
         scan, specimen, leftover = self._blocks(skin)
@@ -304,6 +305,13 @@ class VoltageProblem:
 def _together(which: Sequence[int]) -> Sequence[int] | slice:
     """Which columns are meant, as a slice where they lie side by side: written so in a tenth of the time."""
     return slice(which[0], which[-1] + 1) if list(which) == list(range(which[0], which[-1] + 1)) else which
+
+
+def _law_is_gone(skin: Skin) -> bool:
+    """Whether nothing to speak of is left of the sheet's resistance under some pressure."""
+    least = skin.piezo.least_ohm_sq / skin.piezo.zero_ohm_sq
+    power = response_power(skin.effects, skin.sheet.quadrature_m.mean(axis=1), skin.sensor.extent_m)
+    return least <= LEAST_LAW or (power is not None and least ** float(power.max()) <= LEAST_RELATIVE)
 
 
 def _varies_most(effects: Sequence[Effect]) -> float:

@@ -17,7 +17,7 @@ from ertskin.diagnosis.linear.sensitivity import Hats, Potentials
 from ertskin.diagnosis.linear.solved_states import UntouchedSheet
 from ertskin.diagnosis.linear.whole_sheet import WholeSheet, on_sheet
 from ertskin.physics.contacts import within
-from ertskin.physics.effects.piezo_chain import felt
+from ertskin.physics.effects.piezo_chain import felt, response_power
 from ertskin.physics.skin import Skin
 
 Array = NDArray[np.float64]
@@ -49,7 +49,8 @@ class Elsewhere:
         pressure = frames.pressure(skin, force_n, nodes, np.arange(len(force_n)))
         answers = felt(skin.effects, pressure, nodes, frames.history.time_s, skin.sensor.extent_m, frames.wanted)
         weight = np.where(own, 0.0, np.exp(-self.sheet.beyond(skin, nodes).log_size))
-        change = conductance_by_law(skin.piezo, *answers, weight, count)
+        power = response_power(skin.effects, nodes, skin.sensor.extent_m)
+        change = conductance_by_law(skin.piezo, *answers, weight, count, power)
         return np.asarray((change @ columns.T).transpose(0, 2, 1))
 
     @cached_property

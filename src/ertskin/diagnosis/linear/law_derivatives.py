@@ -6,19 +6,24 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from ertskin.physics.effects.piezo_chain import LEAST_RELATIVE
 from ertskin.physics.piezo.polynomial import PiezoPolynomial
 
 Array = NDArray[np.float64]
 
 
 def conductance_by_law(
-    law: PiezoPolynomial, pressure_pa: Array, factor: Array, weight: Array, count: int
+    law: PiezoPolynomial, pressure_pa: Array, factor: Array, weight: Array, count: int, power: Array | None = None
 ) -> NDArray[np.float32]:
     """(n,count,N) derivatives of the conductance over that at rest by the law's Chebyshev coefficients from 1 on.
 
     The law's value at zero stress is kept. ``pressure_pa`` (n,N) is what the law answers to, ``factor`` (n,N) or (1,1)
-    multiplies its resistance, ``weight`` (N,) or (n,N) the derivatives.
+    multiplies its resistance, ``weight`` (N,) or (n,N) the derivatives; ``power`` (N,) is that to which the law's
+    resistance over that at rest is raised.
     """
+    if power is not None:
+        relative = np.maximum(law.sheet_resistance_ohm_sq(pressure_pa) / law.zero_ohm_sq, LEAST_RELATIVE)
+        weight = weight * power * relative ** (1 - power)
     result = np.empty((len(pressure_pa), count, pressure_pa.shape[1]), dtype=np.float32)
     factor, weight = (np.broadcast_to(part, pressure_pa.shape) for part in (factor, weight))
     coefficients = np.zeros(max(len(law.coefficients), 1 + count))

@@ -23,7 +23,7 @@ from ertskin.diagnosis.linear.sheet_state import pad_shifts
 from ertskin.diagnosis.linear.solved_states import Progress, StateSolver, UntouchedSheet
 from ertskin.diagnosis.linear.whole_sheet import Fields, WholeSheet, on_sheet
 from ertskin.physics.effects.effect import Effect, MotionEffect, Stage
-from ertskin.physics.effects.piezo_chain import felt
+from ertskin.physics.effects.piezo_chain import felt, response_power
 from ertskin.physics.history import History
 from ertskin.physics.skin import Skin, moments_of
 
@@ -207,7 +207,8 @@ class LinearSkin:
         pressure = self.frames.pressure(skin, force_n, position_m, past.frames)
         time_s, extent_m = self.history.time_s[past.frames], skin.sensor.extent_m
         answers = felt(skin.effects, pressure, position_m, time_s, extent_m, past.own)
-        return conductance_by_law(skin.piezo, *answers, self._field_of(number, skin), count)
+        power = response_power(skin.effects, position_m, extent_m)
+        return conductance_by_law(skin.piezo, *answers, self._field_of(number, skin), count, power)
 
     def _local_field(self, skin: Skin, patch: Patch) -> Array:
         return np.asarray(np.exp(self.sheet.beyond(skin, patch.grid_m).log_size))

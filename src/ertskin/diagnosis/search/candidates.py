@@ -42,11 +42,12 @@ FARTHEST_M = 5e-3
 @dataclass(frozen=True)
 class Candidate:
     """A term to try, where it starts, and what screening expects it to gain (half chi-square, held out); ``beyond``
-    that of what no network explains alone."""
+    that of what no network explains alone. ``others``: the same begun otherwise."""
 
     term: Term
     gain: float
     beyond: float = 0.0
+    others: tuple[Term, ...] = ()
 
     @property
     def name(self) -> str:
@@ -143,7 +144,8 @@ def _fields(problem: VoltageProblem, solved: Solved, partitions: Sequence[Sequen
             quadratic = NodeQuadratic.of(problem, solved, effects, len(effects) - 1)
             process = predictive(quadratic, extent_m, partitions)
             if process.gain > 0 and np.isfinite(process.sizes).all():
-                found.append(Candidate(process.of(Term(kind(), ()), extent_m), process.gain))
+                term, *others = process.of(Term(kind(), ()), extent_m)
+                found.append(Candidate(term, process.gain, others=tuple(others)))
             found += _forms(problem, quadratic, kind, partitions)
     return found
 

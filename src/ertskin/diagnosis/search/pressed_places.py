@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +24,8 @@ from ertskin.diagnosis.linear.calibration_vector import Calibration
 from ertskin.diagnosis.search.settling import where_it_settles
 from ertskin.diagnosis.search.smooth_fields import MOST_MODES, SPREADS, covariance_half, node_shape
 from ertskin.diagnosis.search.trials import is_worth_a_name, of_presses, unlikely
-from ertskin.physics.effects.effect import Effect
+from ertskin.physics.effects.effect import Effect, Start
+from ertskin.physics.effects.field_over_sheet import FieldOverSheet
 from ertskin.physics.effects.hypothesis import Signal
 from ertskin.physics.effects.registry import effects_shown_by
 from ertskin.physics.effects.smooth_field import field_design
@@ -95,21 +97,37 @@ def _nominal(solved: Solved) -> Calibration:
 def _explaining_most(build: Problem, without: CheckedFit, kind: type[Effect]) -> CheckedFit | None:
     """The fit with a field told place by place where it settles, if that explains most of what is missing."""
     problem, begun = without.problem, without.solved
-    place_m, extent_m = pressed_places_m(problem), problem.evidence.sensor.extent_m
+    place_m = pressed_places_m(problem)
     if not 1 < len(place_m) <= MOST_MODES:
         return None
-    solved, spread = begun, SPREADS[-1]
-    for _ in range(2):
-        # The first fit tells by how much places differ, which is what is expected of those not pressed.
-        modes = modes_at(place_m, spread, extent_m)
-        term = Term(kind(), (), modes).at([0.0] * len(modes.nodes))
-        solved = problem.solve([*begun.terms, term], _nominal(begun), leftover=begun.leftover)
-        spread = float(np.std(logarithms(solved.effects[-1], place_m, extent_m)))
-        if spread < LEAST_SPREAD:
-            return None
+    starts = cast(FieldOverSheet, kind()).freely_varying(())
+    solved = min((_told_by_place(problem, begun, start, place_m) for start in starts), key=unlikely)
+    if _differ_by(problem, solved, place_m) < LEAST_SPREAD:
+        return None
     proposed = where_it_settles(build, problem, solved)
     left = 1 - problem.evidence.criteria.most_share
     return proposed if proposed is not None and proposed.misfit**2 - 1 < left * (without.misfit**2 - 1) else None
+
+
+def _told_by_place(problem: VoltageProblem, begun: Solved, start: Start, place_m: Array) -> Solved:
+    """The fit with a field told place by place at the places (K,2).
+
+    A first fit tells by how much these differ, which is what is expected of those not pressed.
+    """
+    solved, spread = begun, SPREADS[-1]
+    for _ in range(2):
+        modes = modes_at(place_m, spread, problem.evidence.sensor.extent_m)
+        term = Term(start.effect, start.free, modes, (0.0,) * len(modes.nodes))
+        solved = problem.solve([*begun.terms, term.at(term.start)], _nominal(begun), leftover=begun.leftover)
+        spread = _differ_by(problem, solved, place_m)
+        if spread < LEAST_SPREAD:
+            break
+    return solved
+
+
+def _differ_by(problem: VoltageProblem, solved: Solved, place_m: Array) -> float:
+    """Standard deviation over the places (K,2) of the logarithm of the last term's field."""
+    return float(np.std(logarithms(solved.effects[-1], place_m, problem.evidence.sensor.extent_m)))
 
 
 def pressed_places_m(problem: VoltageProblem) -> Array:

@@ -13,7 +13,7 @@ Of the process those modes enter the joint fit that the data tell of (Spantini a
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache, partial
 from typing import NamedTuple, cast
 
@@ -255,13 +255,14 @@ class Process:
     sizes: Array
     gain: float
 
-    def of(self, term: Term, extent_m: Array) -> Term:
-        """The term with a smooth field in these modes."""
+    def of(self, term: Term, extent_m: Array) -> list[Term]:
+        """The term with a smooth field in these modes, in each form in which it may begin."""
         modes = Modes(self.modes.T.reshape(-1, *node_shape(extent_m)), self.half, self.spread)
         farthest = float(np.abs(self.modes @ self.sizes).max())
-        sizes = self.sizes * min(1.0, FARTHEST / max(farthest, 1e-12))
-        begun = replace(term, modes=modes, sizes=tuple(map(float, sizes)))
-        return begun.at(begun.start)
+        sizes = tuple(map(float, self.sizes * min(1.0, FARTHEST / max(farthest, 1e-12))))
+        starts = cast(FieldOverSheet, term.effect).freely_varying(term.free)
+        begun = (Term(start.effect, start.free, modes, sizes) for start in starts)
+        return [one.at(one.start) for one in begun]
 
 
 class _Told(NamedTuple):
@@ -409,11 +410,17 @@ def with_smooth_field(
     process = predictive(quadratic, extent_m, partitions)
     if process.gain < least or not process.modes.size or not np.isfinite(process.sizes).all():
         return None
-    terms = [*current.terms[:number], process.of(current.terms[number], extent_m), *current.terms[number + 1 :]]
-    freed = problem.solve(terms, current.calibration, steps=STEPS, leftover=current.leftover)
+    before, after = current.terms[:number], current.terms[number + 1 :]
+    freed = min(
+        (
+            problem.solve([*before, term, *after], current.calibration, steps=STEPS, leftover=current.leftover)
+            for term in process.of(current.terms[number], extent_m)
+        ),
+        key=lambda fit: fit.cost,
+    )
     numbers = numbers_of(problem, partitions)
-    before, after = (log_misfit(held_out(fit, partitions), numbers) for fit in (current, freed))
-    gain = before - after
+    missed = [log_misfit(held_out(fit, partitions), numbers) for fit in (current, freed)]
+    gain = missed[0] - missed[1]
     if current.terms[number].modes is None:
         gain = min(gain, current.cost + freedom(current) - freed.cost - freedom(freed))
     return freed if gain > problem.evidence.criteria.significant_gain else None

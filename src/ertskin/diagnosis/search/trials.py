@@ -242,7 +242,7 @@ def _try(
 
     problem.reuse = True
     for candidate in candidates:
-        solved = _with_term(problem, without, candidate.term, instrument)
+        solved = _with_candidate(problem, without, candidate, instrument)
         if candidate.term.effect.hypothesis.must_show_at_rest and not _shown_at_rest(problem, current, solved):
             continue
         results.append(trial(solved))
@@ -290,6 +290,12 @@ def _with_remainders(
         both = with_smooth_field(problem, best.solved, number, partitions, least - best.gain)
         if both is not None:
             yield both
+
+
+def _with_candidate(problem: VoltageProblem, current: Solved, candidate: Candidate, leftover: bool) -> Solved:
+    """The fit with one more term, from where of its starts it fits best."""
+    begun = (_with_term(problem, current, term, leftover) for term in (candidate.term, *candidate.others))
+    return min(begun, key=lambda fit: fit.cost)
 
 
 def _with_term(problem: VoltageProblem, current: Solved, term: Term, leftover: bool) -> Solved:

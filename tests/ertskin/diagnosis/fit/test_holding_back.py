@@ -20,6 +20,7 @@ from ertskin.diagnosis.fit.solved import Solved
 from ertskin.diagnosis.fit.terms import Term
 from ertskin.diagnosis.recording.work import MOST, Work
 from ertskin.diagnosis.search import entering, selection, settling, trials
+from ertskin.diagnosis.search.candidates import Candidate
 from ertskin.physics.conduction.mesh import MeshError
 from ertskin.physics.effects.crosstalk import Crosstalk
 from ertskin.physics.effects.hypothesis import Signal
@@ -339,7 +340,7 @@ def test_the_candidate_that_fits_best_is_fitted_to_its_end_where_it_predicts_wor
     monkeypatch.setattr(trials, "_with_remainders", lambda problem, trials, partitions, least: ())
     monkeypatch.setattr(trials, "of_frames", lambda solved: solved.cost)
     monkeypatch.setattr(trials, "worth_a_name", lambda problem, current: 30.0)
-    candidates: Any = [SimpleNamespace(term=term, name=term.name, gain=0.0) for term in (loop, spot)]
+    candidates = [Candidate(term, 0.0) for term in (loop, spot)]
     found = trials._try(problem, fit(loop, 100.0, 0.0), candidates, [])
     assert [t.gain for t in found] == [further, 20.0]
 
@@ -359,8 +360,7 @@ def test_a_first_candidate_that_gains_too_little_is_judged_where_it_settles(
     monkeypatch.setattr(trials, "worth_a_name", lambda problem, current: 30.0)
     found: dict[float, list[float]] = {}
     for expected in (100.0, 29.0):
-        candidates: Any = [SimpleNamespace(term=offset, name=offset.name, gain=expected)]
-        candidates.append(SimpleNamespace(term=loop, name=loop.name, gain=25.0))
+        candidates = [Candidate(offset, expected), Candidate(loop, 25.0)]
         settle: Any = lambda solved: SimpleNamespace(solved=settled, problem=problem)  # noqa: E731
         found[expected] = [t.gain for t in trials._try(problem, current, candidates, [], 0.0, settle)]
     # What isn't expected to be worth a name isn't looked at again.

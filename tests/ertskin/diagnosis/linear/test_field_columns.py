@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 
@@ -31,10 +32,14 @@ def history() -> History:
     return two_presses()
 
 
-@pytest.mark.parametrize("kind", [SheetInhomogeneity, PiezoInhomogeneity])
+@pytest.mark.parametrize(
+    "kind",
+    [SheetInhomogeneity, PiezoInhomogeneity, partial(PiezoInhomogeneity, in_response=0.7)],
+    ids=["sheet", "sensitivity", "sensitivity in the response"],
+)
 @pytest.mark.parametrize("moving", [False, True])
 def test_columns_are_the_differences_that_each_field_makes(
-    kind: type[FieldOverSheet], moving: bool, history: History
+    kind: Callable[..., FieldOverSheet], moving: bool, history: History
 ) -> None:
     skew = (ScanSkew(speed_m_per_s=1e-3),) if moving else ()
     skin = Skin.build(small_sensor(), SCAN, small_law(), np.linspace(200.0, 900.0, 6), 9000.0, skew, SMALL)

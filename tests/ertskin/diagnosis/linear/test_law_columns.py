@@ -14,6 +14,7 @@ from ertskin.physics.effects.contact_pressure_dependence import ContactPressureD
 from ertskin.physics.effects.effect import Effect
 from ertskin.physics.effects.piezo_creep import PiezoCreep
 from ertskin.physics.effects.piezo_hysteresis import PiezoHysteresis
+from ertskin.physics.effects.piezo_inhomogeneity import PiezoInhomogeneity
 from ertskin.physics.effects.scan_skew import ScanSkew
 from ertskin.physics.effects.sheet_inhomogeneity import SheetInhomogeneity
 from ertskin.physics.effects.temperature_drift import TemperatureDrift
@@ -32,6 +33,10 @@ CASES: dict[str, tuple[Effect, ...]] = {
     ),
     "creep that stays": (PiezoCreep(fraction=0.2, time_s=20.0, remembers_air=True),),
     "creep that multiplies": (PiezoCreep(fraction=0.2, time_s=20.0, remembers_air=True, multiplies=True),),
+    "a field in the response, under what stays": (
+        PiezoInhomogeneity(amplitude=0.5, x_m=0.02, y_m=0.02, radius_m=0.01, in_response=0.7),
+        PiezoCreep(fraction=0.2, time_s=20.0, remembers_air=True, multiplies=True),
+    ),
     "a moving press on contacts that feel it": (ScanSkew(speed_m_per_s=1e-3), ContactPressureDependence(1e-5)),
 }
 

@@ -13,7 +13,7 @@ from ertskin.diagnosis.fit.joint_fit import VoltageProblem
 from ertskin.diagnosis.fit.terms import Term
 from ertskin.diagnosis.search import entering
 from ertskin.diagnosis.search.entering import first_to_hold
-from ertskin.diagnosis.search.smooth_fields import STEPS, NodeQuadratic, predictive, with_smooth_field
+from ertskin.diagnosis.search.smooth_fields import NodeQuadratic, predictive, with_smooth_field
 from ertskin.diagnosis.search.trials import Trial
 from ertskin.physics.effects.piezo_inhomogeneity import PiezoInhomogeneity
 from ertskin.physics.effects.sheet_inhomogeneity import SheetInhomogeneity
@@ -34,8 +34,8 @@ def fields() -> tuple[VoltageProblem, CheckedFit, dict[str, Trial]]:
         # Nothing is fitted of a field of which more is asked than it is expected to gain.
         assert with_smooth_field(problem, begun, 0, PARTITIONS, least=1e9) is None
         quadratic, extent_m = NodeQuadratic.of(problem, begun, begun.effects, 0), problem.evidence.sensor.extent_m
-        term = predictive(quadratic, extent_m, PARTITIONS).of(begun.terms[0], extent_m)
-        solved = problem.solve([term], begun.calibration, steps=STEPS)
+        starts = predictive(quadratic, extent_m, PARTITIONS).of(begun.terms[0], extent_m)
+        solved = min((problem.solve([term], begun.calibration) for term in starts), key=lambda fit: fit.cost)
         trials[kind.name] = Trial(solved.terms[0], GAIN, solved)
     # Neither is to spoil the few frames that are solved in full: what decides is what they predict.
     return problem, replace(checked_fit(problem, without), misfit=1e6), trials

@@ -162,7 +162,7 @@ def test_covariances_count_by_how_well_they_predict(monkeypatch: pytest.MonkeyPa
 
 def test_where_nothing_tells_the_field_stays_as_expected_beforehand() -> None:
     process = predictive(seen(hill(0.01), places(80, 0.03)), EXTENT_M, PARTITIONS)
-    term = process.of(Term(SheetInhomogeneity(), ()), EXTENT_M)
+    (term,) = process.of(Term(SheetInhomogeneity(), ()), EXTENT_M)
     at = np.array([[0.024, 0.03], [0.058, 0.03]])
     pressed, untouched = field_at(term.effect.nodes, at, EXTENT_M)  # type: ignore[attr-defined]
     assert pressed == pytest.approx(0.2 * np.exp(-0.5 * 0.6**2), abs=0.02)
@@ -233,7 +233,7 @@ def test_a_wrong_tail_of_the_pressure_widens_no_field() -> None:
 def test_a_field_that_first_order_takes_too_far_is_begun_where_a_spot_may_go() -> None:
     process = predictive(seen(100 * hill(0.012), places(60)), EXTENT_M, PARTITIONS)
     assert np.abs(process.modes @ process.sizes).max() > 10
-    term = process.of(Term(SheetInhomogeneity(), ()), EXTENT_M)
+    (term,) = process.of(Term(SheetInhomogeneity(), ()), EXTENT_M)
     assert np.abs(term.effect.nodes).max() == pytest.approx(smooth_fields.FARTHEST)  # type: ignore[attr-defined]
 
 
