@@ -277,8 +277,7 @@ class PlacementEffect(Effect):
 
 @dataclass(frozen=True)
 class PiezoEffect(Effect):
-    """A piezoresistance effect: what pressure the fabric's law answers to, what multiplies its resistance or raises it to
-    a power."""
+    """A piezoresistance effect: what pressure the fabric's law answers to, what multiplies or raises its resistance."""
 
     stage: ClassVar[Stage] = Stage.PIEZORESISTANCE
     order: ClassVar[int] = 0
