@@ -1,4 +1,4 @@
-"""How large effects are said to be over how large they are: ``python experiments/concealed/proof/stated_sizes.py RESULTS``.
+"""How large effects are said to be over how large they are: ``python …/proof/stated_sizes.py RESULTS...``.
 
 RESULTS are folders of opened samples. Of every effect rightly named at 0.5 or more the quantity stated over the true
 one, by hidden form. A form whose median is far from one, however well it fits, acts otherwise than the model has it.
