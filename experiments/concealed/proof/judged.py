@@ -9,6 +9,7 @@ width, the share relaxed in a stated history, ...): a claim states them in ``qua
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -168,19 +169,22 @@ class Judged:
         value = (self.diagnosis.get("held_out") or {}).get(key)
         return float("nan") if value is None else float(value)
 
-    def intervals(self) -> list[tuple[str, str, bool | None]]:
-        """(name, form, holds) for every quantity of every effect rightly named, by the surest claim that states it;
-        ``None`` where none does. Several claims of one effect, contacts that drift say, answer for it together."""
-        found: list[tuple[str, str, bool | None]] = []
+    def quantities(self) -> Iterator[tuple[dict[str, Any], str, float, dict[str, Any] | None]]:
+        """(hidden, quantity, true, said) for every quantity of every effect rightly named, by the surest claim that
+        states it; ``None`` where none does. Several claims of one effect, contacts that drift say, answer for it
+        together."""
         for hidden in self.hidden:
             right = [claim for claim in self.likely if claim["name"] == hidden["name"] and self.is_right(claim)]
             stated = [{**(claim.get("parameters") or {}), **(claim.get("quantities") or {})} for claim in right]
             for quantity, true in hidden["meaning"].items() if right else ():
-                said = next((one[quantity] for one in stated if quantity in one), None)
-                found.append(
-                    (hidden["name"], hidden["form"], None if said is None else said["low"] <= true <= said["high"])
-                )
-        return found
+                yield hidden, quantity, true, next((one[quantity] for one in stated if quantity in one), None)
+
+    def intervals(self) -> list[tuple[str, str, bool | None]]:
+        """(name, form, holds) for each of the ``quantities``; ``None`` where no claim states it."""
+        return [
+            (hidden["name"], hidden["form"], None if said is None else said["low"] <= true <= said["high"])
+            for hidden, _, true, said in self.quantities()
+        ]
 
 
 def _values_at(said: dict[str, Any], wanted: Values) -> Values:

@@ -30,14 +30,10 @@ def stated_sizes(cases: Iterable[Judged]) -> dict[tuple[str, str, str], list[Sta
     """By name, hidden form and quantity; quantities that are truly nought are left out."""
     found: dict[tuple[str, str, str], list[Stated]] = defaultdict(list)
     for case in cases:
-        for hidden in case.hidden:
-            right = [one for one in case.likely if one["name"] == hidden["name"] and case.is_right(one)]
-            stated = [{**(one.get("parameters") or {}), **(one.get("quantities") or {})} for one in right]
-            for quantity, true in hidden["meaning"].items():
-                said = next((one[quantity] for one in stated if quantity in one), None)
-                if said is not None and true:
-                    one = Stated(said["value"] / true, said["low"] <= true <= said["high"])
-                    found[hidden["name"], hidden["form"], quantity].append(one)
+        for hidden, quantity, true, said in case.quantities():
+            if said is not None and true:
+                one = Stated(said["value"] / true, said["low"] <= true <= said["high"])
+                found[hidden["name"], hidden["form"], quantity].append(one)
     return dict(sorted(found.items()))
 
 
