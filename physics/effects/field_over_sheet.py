@@ -98,8 +98,8 @@ class FieldOverSheet(Effect):
             yield Start(line, OF_LINE, ("ridge",))
             yield Start(line, OF_STEP, ("step",))
 
-    def freely_varying(self, free: tuple[str, ...]) -> tuple[Start, ...]:
-        """How it may begin where it is a smooth field, with what moves beside the field's values."""
+    def beginnings(self, free: tuple[str, ...]) -> tuple[Start, ...]:
+        """How it may begin, with what moves besides."""
         return (Start(self, free),)
 
     def freer(self, free: tuple[str, ...]) -> tuple[Start, ...]:

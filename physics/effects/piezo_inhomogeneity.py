@@ -37,14 +37,9 @@ class PiezoInhomogeneity(FieldOverSheet, PiezoEffect):
     def response_power(self, position_m: Array, extent_m: Array) -> Array | None:
         return np.exp(self.in_response * self.logarithm(position_m, extent_m)) if self.in_response else None
 
-    def freely_varying(self, free: tuple[str, ...]) -> tuple[Start, ...]:
-        """With the share in the response free: held, the field's values and the foam's modulus would make up for it."""
-        return (Start(self, free),) if "in_response" in free else self._from_either_end(free)
-
-    def freer(self, free: tuple[str, ...]) -> tuple[Start, ...]:
-        """With the share in the response free, too."""
-        return super().freer(free) if "in_response" in free else (*super().freer(free), *self._from_either_end(free))
-
-    def _from_either_end(self, free: tuple[str, ...]) -> tuple[Start, ...]:
-        """With that share free, begun at nought and at one: between them lie valleys."""
+    def beginnings(self, free: tuple[str, ...]) -> tuple[Start, ...]:
+        """With the share in the response free, begun at nought and at one, for between them lie valleys: held, the
+        field's values and the foam's modulus would make up for it."""
+        if "in_response" in free:
+            return (Start(self, free),)
         return tuple(Start(self.changed({"in_response": part}), (*free, "in_response")) for part in (0.0, 1.0))

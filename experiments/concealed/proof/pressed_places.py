@@ -68,7 +68,7 @@ def known(recording: Path, hidden: dict[str, Any], point_m: Array) -> Known:
     place_m, extent_m = pressed_places_m(problem), evidence.sensor.extent_m
     modes = modes_at(place_m, SPREAD, extent_m)
     even = (0.0,) * len(modes.nodes)
-    fields = [Term(start.effect, start.free, modes, even) for start in PiezoInhomogeneity().freely_varying(())]
+    fields = [Term(start.effect, start.free, modes, even) for start in PiezoInhomogeneity().beginnings(())]
     fits = [problem.solve([*fixed, field.at(field.start)], before.calibration, steps=10) for field in fields]
     after = min(fits, key=lambda fit: fit.cost)
     found = np.asarray(after.effects[-1].map_at(point_m, extent_m))

@@ -154,14 +154,12 @@ def test_fields_in_the_response_multiply() -> None:
     assert both == pytest.approx(alone)
 
 
-def test_where_a_field_acts_is_freed_once_from_either_end_and_with_a_smooth_field() -> None:
+def test_where_a_field_acts_is_free_once_from_either_end() -> None:
     effect, free = PiezoInhomogeneity(gradient_x=0.4), ("gradient_x", "in_response")
-    ends = effect.freer(("gradient_x",))
+    ends = effect.beginnings(("gradient_x",))
     assert [(end.free, end.effect.value("in_response")) for end in ends] == [(free, 0.0), (free, 1.0)]
-    assert effect.freely_varying(("gradient_x",)) == ends
-    assert ends[1].effect.freer(free) == ()
-    assert ends[1].effect.freely_varying(free) == (ends[1],)
-    assert SheetInhomogeneity().freely_varying(()) == (Start(SheetInhomogeneity(), ()),)
+    assert ends[1].effect.beginnings(free) == (ends[1],)
+    assert SheetInhomogeneity().beginnings(()) == (Start(SheetInhomogeneity(), ()),)
 
 
 def test_inhomogeneity_by_nodes_passes_through_them() -> None:

@@ -178,7 +178,8 @@ class VoltageProblem:
         self.evidence.work.add(columns.size * self.linear.instants(skin))
         specimen_columns = np.zeros((len(specimen), count))
         instrument = [k for k in range(layout.calibration, count) if layout.is_instrument(k)]
-        leftover_columns = np.zeros((0 if leftover is None else leftover.size, len(instrument)))
+        # Column by column: numbers written far from one another take longer than what they come from.
+        leftover_columns = np.zeros((len(instrument), 0 if leftover is None else leftover.size)).T
         electrodes = self.evidence.protocol.electrodes
         columns[..., 1 : 1 + electrodes] = self.evidence.discounted(self.contact_columns(skin))
         known = self._known_columns(layout)
@@ -191,7 +192,8 @@ class VoltageProblem:
         alone = [k for k in layout.parameters if layout.on_readings_alone(k)]
         if alone:
             columns[..., _together(alone)], beyond = self._instrument_columns(layout, x, alone)
-            leftover_columns[:, [instrument.index(k) for k in alone]] = beyond
+            for k, column in zip(alone, beyond.T, strict=True):
+                leftover_columns[:, instrument.index(k)] = column
         # Another ratio of moduli is another field of pressure, which the next fit begins with: it comes last.
         others = [k for k in layout.parameters if k not in alone] + ([layout.ratio] if known is None else [])
         for k in others:
@@ -279,12 +281,14 @@ class VoltageProblem:
 
     def _add_leftover(self, quadratic: Quadratic, leftover: Array, which: NDArray[np.intp], columns: Array) -> None:
         """What no network explains, (n,K*M) with the ``columns`` (n*K*M,c) of the numbers ``which`` (c,)."""
-        design = columns.reshape(*leftover.shape, len(which))
+        design = columns.T.reshape(len(which), *leftover.shape)
         for cell in range(self.cell_count):
             mine = self.cells[self.acquisition.rows] == cell
             if mine.any():
                 wrong = leftover[mine].ravel()
-                quadratic.add(cell, wrong, design[mine].reshape(len(wrong), len(which)), which, self.leftover_share)
+                quadratic.add(
+                    cell, wrong, design[:, mine].reshape(len(which), len(wrong)).T, which, self.leftover_share
+                )
 
     def contact_columns(self, skin: Skin) -> Array:
         """(T,P,L) change of the scans per unit logarithm of each contact resistance, in units of the noise."""

@@ -87,11 +87,14 @@ class AcquisitionSignal:
             changes = self._changes(readings, skin, moved, self.time_s[part])
             # Chunk by chunk: numbers written far from one another take longer than the product.
             found[part] = np.stack([self._whitened(change) for change in changes], axis=-1)
-        beyond = np.zeros((len(self.rows), len(basis), len(moved)))
-        taken = self.evidence.leftover_v[self.rows].reshape(beyond.shape[:2]) != 0
-        for k, change in enumerate(self._changes(self.readings(skin), skin, moved, self.time_s[self.rows])):
-            beyond[..., k] = np.where(taken, self._unexplained(change) / self.evidence.leftover_noise_v, 0.0)
-        return found, beyond
+        beyond = np.zeros((len(moved), len(self.rows), len(basis)))
+        taken = self.evidence.leftover_v[self.rows].reshape(beyond.shape[1:]) != 0
+        scale = np.where(taken, 1 / self.evidence.leftover_noise_v, 0.0)
+        for one, change in zip(
+            beyond, self._changes(self.readings(skin), skin, moved, self.time_s[self.rows]), strict=True
+        ):
+            np.multiply(self._unexplained(change), scale, out=one)
+        return found, np.moveaxis(beyond, 0, -1)
 
     def _changes(self, readings: Array, skin: Skin, moved: Sequence[Skin], time_s: Array) -> Iterator[Array]:
         """(n,K*M) what the instrument of each of the ``moved`` skins makes of a network's readings (n,K,M) at times

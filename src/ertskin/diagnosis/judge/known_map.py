@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,6 +17,7 @@ from ertskin.diagnosis.judge.map_probability import (
     posteriors_from,
     right_among,
     tell,
+    with_fitted,
 )
 from ertskin.diagnosis.judge.undetermined_field import MOST_LEFT, known_at
 from ertskin.diagnosis.search.chosen import Selection
@@ -26,6 +27,8 @@ from ertskin.physics.effects.hypothesis import Need
 from ertskin.physics.effects.smooth_field import Nodes, field_at
 
 Array = NDArray[np.float64]
+Covariance = Callable[[Array], Array | None]
+"""(n,n) among points (n,2), or None."""
 
 NEXT_TO_M = 2e-3
 """As far from a place pressed as what is told there holds: well within what a press of the paper's indenter covers."""
@@ -74,16 +77,28 @@ def smooth_part(effect: Effect, selection: Selection) -> SmoothPart | None:
     extent_m, place_m = selection.problem.evidence.sensor.extent_m, pressed_places_m(selection.problem)
     known = known_at(selection.after, extent_m, place_m)[effect.name]
     places = Places(place_m, field_at(nodes, place_m, extent_m), known.error)
-    return SmoothPart(nodes, extent_m, places) if tell(places) else None
+    return SmoothPart(nodes, extent_m, places, fitted_covariance(effect, selection)) if tell(places) else None
+
+
+def fitted_covariance(effect: Effect, selection: Selection) -> Covariance:
+    """What the fit leaves of a smooth field's covariance, by points; None of any other field."""
+    solved, extent_m = selection.after, selection.problem.evidence.sensor.extent_m
+
+    def at(point_m: Array) -> Array | None:
+        known = known_at(solved, extent_m, point_m).get(effect.name)
+        return None if known is None else known.covariance
+
+    return at
 
 
 @dataclass(frozen=True, eq=False)
 class SmoothPart:
-    """What of a field no form of few numbers gives, by its values at places."""
+    """What of a field no form of few numbers gives, by its values at places, and the covariance fitted between."""
 
     nodes: Nodes
     extent_m: Array
     places: Places
+    fitted: Covariance
 
     def known(self, field: FieldMap) -> FieldMap:
         """The map with how well the places tell it."""
@@ -94,17 +109,19 @@ class SmoothPart:
         error = errors_among(field.value, posteriors)
         determined = error < MOST_LEFT * float(np.std(self.places.value))
         found = replace(field, error=error, determined=determined, taxels=taxels)
-        return _judged(found, posteriors)
+        return _judged_by_both(found, posteriors, self.fitted)
 
 
-def where_pressed(field: FieldMap, places: Places, side_m: float) -> FieldMap:
-    """The map, determined next to the places alone, on a sheet of this longer side: how sure a smooth field would be
-    elsewhere says nothing."""
-    taxels = None if field.taxels is None else where_pressed(field.taxels, places, side_m)
+def where_pressed(field: FieldMap, places: Places, side_m: float, fitted: Covariance) -> FieldMap:
+    """The map, determined next to the places alone, on a sheet of this longer side, the field's covariance at points
+    (n,2) as ``fitted``: how sure a smooth field would be elsewhere says nothing."""
+    taxels = None if field.taxels is None else where_pressed(field.taxels, places, side_m, fitted)
     apart_m = np.linalg.norm(field.point_m[:, None] - places.point_m, axis=-1).min(axis=1)
     determined = apart_m <= NEXT_TO_M
     found = replace(field, error=None, determined=determined, taxels=taxels)
-    return found if taxels is not None else _judged(found, posteriors_from(places, field.point_m, side_m))
+    if taxels is not None:
+        return found
+    return _judged_by_both(found, posteriors_from(places, field.point_m, side_m), fitted)
 
 
 def _judged(field: FieldMap, posteriors: Sequence[FieldPosterior]) -> FieldMap:
@@ -114,3 +131,10 @@ def _judged(field: FieldMap, posteriors: Sequence[FieldPosterior]) -> FieldMap:
         return field
     right = right_among(field.value, posteriors, field.determined)
     return replace(field, right=right.determined, right_everywhere=right.everywhere)
+
+
+def _judged_by_both(field: FieldMap, posteriors: Sequence[FieldPosterior], fitted: Covariance) -> FieldMap:
+    """The same where values at places tell the ``posteriors`` and a fit a covariance; nothing tells where no places
+    do."""
+    covariance = fitted(field.point_m) if posteriors else None
+    return _judged(field, posteriors if covariance is None else with_fitted(posteriors, field.value, covariance))

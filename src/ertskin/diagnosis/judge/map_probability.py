@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.distance import cdist
+from scipy.special import logsumexp
 
 from ertskin.diagnosis.search.smooth_fields import LENGTHS
 
@@ -89,6 +90,18 @@ def posteriors_from(places: Places, point_m: Array, side_m: float) -> list[Field
     likely = np.array([_restricted(places, *kind)[0] for kind in kinds])
     kept = np.flatnonzero(likely > likely.max() + np.log(LEAST_WEIGHT))
     return [kriged(point_m, places, *kinds[k]) for k in kept]
+
+
+def with_fitted(posteriors: Sequence[FieldPosterior], mean: Array, covariance: Array) -> list[FieldPosterior]:
+    """The posteriors of values at places and, as likely as all of them together, what a fit says of the field, ``mean``
+    (n,) and ``covariance`` (n,n).
+
+    Alone neither says how often a map is right: of ten opened recordings whose fields presses alone show five maps
+    followed the true one over the whole sheet, values at places expected 2.7 of them to, fits 6.9, both together 4.8
+    (squares missed 3.2, 3.6 and 2.5).
+    """
+    together = float(logsumexp([one.log_weight for one in posteriors]))
+    return [*posteriors, FieldPosterior(together, mean, covariance)]
 
 
 def tell(places: Places) -> bool:

@@ -14,7 +14,7 @@ from ertskin.diagnosis.criteria import Criteria
 from ertskin.diagnosis.fit.solved import Solved
 from ertskin.diagnosis.force.fit import ForceFit
 from ertskin.diagnosis.judge.confidence import explained, reasoned
-from ertskin.diagnosis.judge.known_map import known_map, where_pressed
+from ertskin.diagnosis.judge.known_map import fitted_covariance, known_map, where_pressed
 from ertskin.diagnosis.judge.map_probability import Places
 from ertskin.diagnosis.judge.result import Findings
 from ertskin.diagnosis.judge.undetermined_field import known_at
@@ -140,7 +140,8 @@ def _of_field(claim: Claim, selection: Selection, standard: Standard) -> Claim:
     places = Places(place_m, value, np.zeros(len(value)) if known is None else known.error)
     side_m = float(np.ptp(standard.extent_m, axis=0).max())
     quantities = claim.quantities | {"log_spread": spread_of(value)}
-    return replace(claim, field_map=where_pressed(claim.field_map, places, side_m), quantities=quantities)
+    found = where_pressed(claim.field_map, places, side_m, fitted_covariance(claim.effect, selection))
+    return replace(claim, field_map=found, quantities=quantities)
 
 
 def spread_of(sample: Array) -> Estimate:

@@ -22,6 +22,7 @@ from ertskin.diagnosis.search.first_order_gain import (
     held_out_gain,
     with_columns,
 )
+from ertskin.diagnosis.search.forms import beginnings
 from ertskin.diagnosis.search.smooth_fields import NodeQuadratic, at_nodes, predictive
 from ertskin.physics.effects.effect import AcquisitionEffect, Effect, ElectrodeEffect, Parameter, Start, shown_by
 from ertskin.physics.effects.hypothesis import Measured, Signal
@@ -165,7 +166,8 @@ def _forms(
         best = int(np.argmax(gains))
         gain, value = quadratic.along(shapes[best], 0.0, partitions)
         if np.isfinite(gain) and np.isfinite(value).all():
-            found.append(Candidate(_trial(alike[best])[1](value), gain))
+            term, *others = beginnings(_trial(alike[best])[1](value))
+            found.append(Candidate(term, gain, others=tuple(others)))
     return found
 
 

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import cast
 
 from ertskin.diagnosis.fit.terms import Term
+from ertskin.physics.effects.field_over_sheet import FieldOverSheet
 
 
 def form_of(term: Term) -> tuple[object, ...]:
@@ -21,3 +23,9 @@ def law_of(term: Term) -> tuple[bool, ...]:
 def freer(term: Term) -> list[Term]:
     """The term with more of its form free, or in its other form; none where there is no more to free."""
     return [replace(term, effect=start.effect, free=start.free) for start in term.effect.freer(term.free)]
+
+
+def beginnings(field: Term) -> list[Term]:
+    """The ways in which a field over the sheet may begin."""
+    starts = cast(FieldOverSheet, field.effect).beginnings(field.free)
+    return [replace(field, effect=start.effect, free=start.free) for start in starts]

@@ -100,7 +100,7 @@ def _explaining_most(build: Problem, without: CheckedFit, kind: type[Effect]) ->
     place_m = pressed_places_m(problem)
     if not 1 < len(place_m) <= MOST_MODES:
         return None
-    starts = cast(FieldOverSheet, kind()).freely_varying(())
+    starts = cast(FieldOverSheet, kind()).beginnings(())
     solved = min((_told_by_place(problem, begun, start, place_m) for start in starts), key=unlikely)
     if _differ_by(problem, solved, place_m) < LEAST_SPREAD:
         return None

@@ -13,7 +13,7 @@ Of the process those modes enter the joint fit that the data tell of (Spantini a
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from typing import NamedTuple, cast
 
@@ -26,6 +26,7 @@ from ertskin.diagnosis.fit.joint_fit import VoltageProblem
 from ertskin.diagnosis.fit.solved import Solved
 from ertskin.diagnosis.fit.terms import Modes, Term
 from ertskin.diagnosis.search.first_order_gain import held_out_gain
+from ertskin.diagnosis.search.forms import beginnings
 from ertskin.diagnosis.search.gain import freedom
 from ertskin.physics.effects.effect import Effect, Start
 from ertskin.physics.effects.field_over_sheet import FieldOverSheet
@@ -260,8 +261,7 @@ class Process:
         modes = Modes(self.modes.T.reshape(-1, *node_shape(extent_m)), self.half, self.spread)
         farthest = float(np.abs(self.modes @ self.sizes).max())
         sizes = tuple(map(float, self.sizes * min(1.0, FARTHEST / max(farthest, 1e-12))))
-        starts = cast(FieldOverSheet, term.effect).freely_varying(term.free)
-        begun = (Term(start.effect, start.free, modes, sizes) for start in starts)
+        begun = (replace(one, modes=modes, sizes=sizes) for one in beginnings(term))
         return [one.at(one.start) for one in begun]
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ertskin.diagnosis.contract.claims import FieldMap
 from ertskin.diagnosis.judge import known_map
-from ertskin.diagnosis.judge.known_map import SmoothPart, determined_points, smooth_part, where_pressed
+from ertskin.diagnosis.judge.known_map import Covariance, SmoothPart, determined_points, smooth_part, where_pressed
 from ertskin.diagnosis.judge.map_probability import Places
 from ertskin.diagnosis.judge.quantities import field_map
 from ertskin.diagnosis.judge.undetermined_field import Known
@@ -35,13 +35,14 @@ def through(value: Array) -> tuple[tuple[float, ...], ...]:
     return tuple(tuple(map(float, row)) for row in nodes)
 
 
-def told(effect: PiezoInhomogeneity, pressed: Array) -> FieldMap:
-    """The sensing points' map of an effect, something having pressed at some of them (N,)."""
+def told(effect: PiezoInhomogeneity, pressed: Array, fitted: Covariance = lambda point_m: None) -> FieldMap:
+    """The sensing points' map of an effect, something having pressed at some of them (N,), what else is known as
+    ``fitted``."""
     field = field_map(effect, SENSOR)
     assert field is not None
     place_m = SENSOR.taxel_m[pressed]
     value = TAXELS[pressed] @ np.ravel(effect.nodes)
-    smooth = SmoothPart(effect.nodes, SENSOR.extent_m, Places(place_m, value, np.full(len(value), 1e-3)))
+    smooth = SmoothPart(effect.nodes, SENSOR.extent_m, Places(place_m, value, np.full(len(value), 1e-3)), fitted)
     found = smooth.known(field).taxels
     assert found is not None
     return found
@@ -81,6 +82,23 @@ def test_a_form_of_few_numbers_holds_where_nothing_has_pressed() -> None:
     assert alone < 0.1
 
 
+def test_between_places_the_fit_has_a_say_as_they_have() -> None:
+    nodes = through(0.3 * np.random.default_rng(1).standard_normal(len(SENSOR.taxel_m)))
+    pressed = np.arange(len(SENSOR.taxel_m)) % 3 == 0
+    by_places, by_both, doubted = (
+        told(PiezoInhomogeneity(nodes=nodes), pressed, fitted)
+        for fitted in (
+            lambda point_m: None,
+            lambda point_m: np.zeros((len(point_m), len(point_m))),
+            lambda point_m: 9.0 * np.eye(len(point_m)),
+        )
+    )
+    assert by_places.right_everywhere is not None
+    assert by_both.right_everywhere == pytest.approx(0.5 + 0.5 * by_places.right_everywhere, abs=0.02)
+    assert doubted.right_everywhere == pytest.approx(0.5 * by_places.right_everywhere, abs=0.02)
+    assert by_both.error == pytest.approx(by_places.error)
+
+
 def selection_of(effect: Effect, pressed: Array, monkeypatch: pytest.MonkeyPatch) -> Any:
     """What a fit with this field has come to, all known to 0.001 as fitted, as far as a map asks for it."""
     monkeypatch.setattr(known_map, "pressed_places_m", lambda problem: SENSOR.taxel_m[pressed])
@@ -97,7 +115,7 @@ def selection_of(effect: Effect, pressed: Array, monkeypatch: pytest.MonkeyPatch
 @pytest.mark.parametrize(
     ("kind", "everywhere"), [(PiezoInhomogeneity, False), (SheetInhomogeneity, True)], ids=["presses", "rest too"]
 )
-def test_what_presses_alone_show_is_not_as_sure_as_fitted(
+def test_what_presses_alone_show_is_half_as_sure_as_fitted(
     kind: type[PiezoInhomogeneity | SheetInhomogeneity], everywhere: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     effect = kind(nodes=through(0.3 * np.random.default_rng(1).standard_normal(len(SENSOR.taxel_m))))
@@ -110,7 +128,7 @@ def test_what_presses_alone_show_is_not_as_sure_as_fitted(
     found = known_map.known_map(field, effect, selection).taxels
     assert found is not None
     assert found.right == 1.0
-    assert found.right_everywhere == pytest.approx(1.0 if everywhere else 0.05, abs=0.05)
+    assert found.right_everywhere == pytest.approx(1.0 if everywhere else 0.5, abs=0.05)
 
 
 def test_of_two_places_a_field_is_as_sure_as_fitted(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -128,7 +146,8 @@ def test_what_rest_shows_too_and_a_form_alone_are_known_as_fitted(effect: Effect
 def test_what_is_told_by_places_is_determined_next_to_them_alone() -> None:
     field = field_map(PiezoInhomogeneity(amplitude=0.5, x_m=0.04, y_m=0.06, radius_m=0.02), SENSOR)
     assert field is not None
-    found = where_pressed(field, Places(SENSOR.taxel_m[[3, 7]] + 1e-3, np.array([0.1, 0.4]), np.zeros(2)), 0.1)
+    places = Places(SENSOR.taxel_m[[3, 7]] + 1e-3, np.array([0.1, 0.4]), np.zeros(2))
+    found = where_pressed(field, places, 0.1, lambda point_m: None)
     assert found.taxels is not None
     assert found.taxels.determined is not None
     assert np.flatnonzero(found.taxels.determined).tolist() == [3, 7]

@@ -147,7 +147,7 @@ def test_a_map_is_as_sure_as_the_places_that_tell_it(count: int) -> None:
     assert Claim(effect, 0.9, 2.0, {}, field_map=field).as_builtins()["confidence"] == 0.9
     pressed = np.arange(len(SENSOR.taxel_m))[::3][:count]
     places = Places(SENSOR.taxel_m[pressed], field.taxels.value[pressed], np.zeros(count))
-    known = where_pressed(field, places, 0.1)
+    known = where_pressed(field, places, 0.1, lambda point_m: None)
     claim = Claim(effect, 0.9, 2.0, {}, field_map=known, by_place=True)
     written = claim.as_builtins()
     assert written["name_confidence"] == 0.9
