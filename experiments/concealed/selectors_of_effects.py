@@ -111,7 +111,12 @@ def _one_of_each(found: Sequence[Candidate], most: int) -> list[Candidate]:
 
 
 def _joined(problem: VoltageProblem, current: Solved, candidate: Candidate, leftover: bool) -> Solved:
-    return problem.solve([*current.terms, candidate.term], current.calibration, steps=5, leftover=leftover)
+    """The fit with the candidate from where of its starts it fits best."""
+    fits = (
+        problem.solve([*current.terms, term], current.calibration, steps=5, leftover=leftover)
+        for term in (candidate.term, *candidate.others)
+    )
+    return min(fits, key=lambda fit: fit.cost)
 
 
 def _rivals(best: Solved, found: Sequence[Solved]) -> tuple[Rival, ...]:

@@ -99,7 +99,7 @@ class FieldOverSheet(Effect):
             yield Start(line, OF_STEP, ("step",))
 
     def beginnings(self, free: tuple[str, ...]) -> tuple[Start, ...]:
-        """How it may begin, with what moves besides."""
+        """In which ways a field new to a fit may begin, each with what it frees besides ``free``."""
         return (Start(self, free),)
 
     def freer(self, free: tuple[str, ...]) -> tuple[Start, ...]:

@@ -40,6 +40,5 @@ class PiezoInhomogeneity(FieldOverSheet, PiezoEffect):
     def beginnings(self, free: tuple[str, ...]) -> tuple[Start, ...]:
         """With the share in the response free, begun at nought and at one, for between them lie valleys: held, the
         field's values and the foam's modulus would make up for it."""
-        if "in_response" in free:
-            return (Start(self, free),)
-        return tuple(Start(self.changed({"in_response": part}), (*free, "in_response")) for part in (0.0, 1.0))
+        freed = free if "in_response" in free else (*free, "in_response")
+        return tuple(Start(self.changed({"in_response": part}), freed) for part in (0.0, 1.0))

@@ -158,7 +158,7 @@ def test_where_a_field_acts_is_free_once_from_either_end() -> None:
     effect, free = PiezoInhomogeneity(gradient_x=0.4), ("gradient_x", "in_response")
     ends = effect.beginnings(("gradient_x",))
     assert [(end.free, end.effect.value("in_response")) for end in ends] == [(free, 0.0), (free, 1.0)]
-    assert ends[1].effect.beginnings(free) == (ends[1],)
+    assert ends[1].effect.beginnings(free) == ends
     assert SheetInhomogeneity().beginnings(()) == (Start(SheetInhomogeneity(), ()),)
 
 

@@ -27,8 +27,8 @@ from ertskin.physics.effects.hypothesis import Need
 from ertskin.physics.effects.smooth_field import Nodes, field_at
 
 Array = NDArray[np.float64]
-Covariance = Callable[[Array], Array | None]
-"""(n,n) among points (n,2), or None."""
+CovarianceAt = Callable[[Array], Array | None]
+"""What a fit leaves of a field's covariance (n,n) at points (n,2); None of a field that isn't smooth."""
 
 NEXT_TO_M = 2e-3
 """As far from a place pressed as what is told there holds: well within what a press of the paper's indenter covers."""
@@ -67,9 +67,8 @@ def smooth_part(effect: Effect, selection: Selection) -> SmoothPart | None:
     """The smooth field of an effect that presses alone show, by its values where something has pressed; None of another
     field, and where such places are too few.
 
-    Of forty covariances one, of lines in some direction say, may predict a few presses by luck, and leaves no doubt of
-    other places: three maps of eight places pressed were all but sure so, and wrong (c019, c094 of `nineteenth96`, c037
-    of `eighteenth48`).
+    A fit leaves no doubt of other places where its covariance predicts a few presses by luck: alone it says 1.00 of
+    maps of which half are right.
     """
     nodes = getattr(effect, "nodes", ())
     if not nodes or Need.PRESSES not in effect.hypothesis.needs:
@@ -80,8 +79,8 @@ def smooth_part(effect: Effect, selection: Selection) -> SmoothPart | None:
     return SmoothPart(nodes, extent_m, places, fitted_covariance(effect, selection)) if tell(places) else None
 
 
-def fitted_covariance(effect: Effect, selection: Selection) -> Covariance:
-    """What the fit leaves of a smooth field's covariance, by points; None of any other field."""
+def fitted_covariance(effect: Effect, selection: Selection) -> CovarianceAt:
+    """What the fit leaves of the covariance of an effect's field."""
     solved, extent_m = selection.after, selection.problem.evidence.sensor.extent_m
 
     def at(point_m: Array) -> Array | None:
@@ -93,12 +92,12 @@ def fitted_covariance(effect: Effect, selection: Selection) -> Covariance:
 
 @dataclass(frozen=True, eq=False)
 class SmoothPart:
-    """What of a field no form of few numbers gives, by its values at places, and the covariance fitted between."""
+    """What of a field no form of few numbers gives, by its values at places and by what a fit leaves between them."""
 
     nodes: Nodes
     extent_m: Array
     places: Places
-    fitted: Covariance
+    covariance_at: CovarianceAt
 
     def known(self, field: FieldMap) -> FieldMap:
         """The map with how well the places tell it."""
@@ -109,19 +108,19 @@ class SmoothPart:
         error = errors_among(field.value, posteriors)
         determined = error < MOST_LEFT * float(np.std(self.places.value))
         found = replace(field, error=error, determined=determined, taxels=taxels)
-        return _judged_by_both(found, posteriors, self.fitted)
+        return _judged_by_both(found, posteriors, self.covariance_at)
 
 
-def where_pressed(field: FieldMap, places: Places, side_m: float, fitted: Covariance) -> FieldMap:
-    """The map, determined next to the places alone, on a sheet of this longer side, the field's covariance at points
-    (n,2) as ``fitted``: how sure a smooth field would be elsewhere says nothing."""
-    taxels = None if field.taxels is None else where_pressed(field.taxels, places, side_m, fitted)
+def where_pressed(field: FieldMap, places: Places, side_m: float, covariance_at: CovarianceAt) -> FieldMap:
+    """The map, determined next to the places alone, on a sheet of this longer side: how sure a smooth field would be
+    elsewhere makes none determined there."""
+    taxels = None if field.taxels is None else where_pressed(field.taxels, places, side_m, covariance_at)
     apart_m = np.linalg.norm(field.point_m[:, None] - places.point_m, axis=-1).min(axis=1)
     determined = apart_m <= NEXT_TO_M
     found = replace(field, error=None, determined=determined, taxels=taxels)
     if taxels is not None:
         return found
-    return _judged_by_both(found, posteriors_from(places, field.point_m, side_m), fitted)
+    return _judged_by_both(found, posteriors_from(places, field.point_m, side_m), covariance_at)
 
 
 def _judged(field: FieldMap, posteriors: Sequence[FieldPosterior]) -> FieldMap:
@@ -133,8 +132,10 @@ def _judged(field: FieldMap, posteriors: Sequence[FieldPosterior]) -> FieldMap:
     return replace(field, right=right.determined, right_everywhere=right.everywhere)
 
 
-def _judged_by_both(field: FieldMap, posteriors: Sequence[FieldPosterior], fitted: Covariance) -> FieldMap:
-    """The same where values at places tell the ``posteriors`` and a fit a covariance; nothing tells where no places
-    do."""
-    covariance = fitted(field.point_m) if posteriors else None
+def _judged_by_both(field: FieldMap, posteriors: Sequence[FieldPosterior], covariance_at: CovarianceAt) -> FieldMap:
+    """The map with how likely it is right by the ``posteriors`` that values at places tell and by what a fit leaves;
+    by places alone where these tell nothing."""
+    if field.taxels is not None:
+        return field
+    covariance = covariance_at(field.point_m) if posteriors else None
     return _judged(field, posteriors if covariance is None else with_fitted(posteriors, field.value, covariance))

@@ -26,6 +26,6 @@ def freer(term: Term) -> list[Term]:
 
 
 def beginnings(field: Term) -> list[Term]:
-    """The ways in which a field over the sheet may begin."""
+    """The ways in which a field over the sheet that is new to a fit may begin."""
     starts = cast(FieldOverSheet, field.effect).beginnings(field.free)
     return [replace(field, effect=start.effect, free=start.free) for start in starts]

@@ -257,12 +257,13 @@ class Process:
     gain: float
 
     def of(self, term: Term, extent_m: Array) -> list[Term]:
-        """The term with a smooth field in these modes, in each form in which it may begin."""
+        """The term with a smooth field in these modes, in each way in which that may begin, or as it is."""
         modes = Modes(self.modes.T.reshape(-1, *node_shape(extent_m)), self.half, self.spread)
         farthest = float(np.abs(self.modes @ self.sizes).max())
         sizes = tuple(map(float, self.sizes * min(1.0, FARTHEST / max(farthest, 1e-12))))
-        begun = (replace(one, modes=modes, sizes=sizes) for one in beginnings(term))
-        return [one.at(one.start) for one in begun]
+        begun = beginnings(term) if term.modes is None else [term]
+        smooth = (replace(one, modes=modes, sizes=sizes) for one in begun)
+        return [one.at(one.start) for one in smooth]
 
 
 class _Told(NamedTuple):

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ertskin.diagnosis.contract.claims import FieldMap
 from ertskin.diagnosis.judge import known_map
-from ertskin.diagnosis.judge.known_map import Covariance, SmoothPart, determined_points, smooth_part, where_pressed
+from ertskin.diagnosis.judge.known_map import CovarianceAt, SmoothPart, determined_points, smooth_part, where_pressed
 from ertskin.diagnosis.judge.map_probability import Places
 from ertskin.diagnosis.judge.quantities import field_map
 from ertskin.diagnosis.judge.undetermined_field import Known
@@ -35,14 +35,14 @@ def through(value: Array) -> tuple[tuple[float, ...], ...]:
     return tuple(tuple(map(float, row)) for row in nodes)
 
 
-def told(effect: PiezoInhomogeneity, pressed: Array, fitted: Covariance = lambda point_m: None) -> FieldMap:
-    """The sensing points' map of an effect, something having pressed at some of them (N,), what else is known as
-    ``fitted``."""
+def told(effect: PiezoInhomogeneity, pressed: Array, covariance_at: CovarianceAt = lambda point_m: None) -> FieldMap:
+    """The sensing points' map of an effect, something having pressed at some of them (N,), a fit leaving this
+    covariance."""
     field = field_map(effect, SENSOR)
     assert field is not None
     place_m = SENSOR.taxel_m[pressed]
     value = TAXELS[pressed] @ np.ravel(effect.nodes)
-    smooth = SmoothPart(effect.nodes, SENSOR.extent_m, Places(place_m, value, np.full(len(value), 1e-3)), fitted)
+    smooth = SmoothPart(effect.nodes, SENSOR.extent_m, Places(place_m, value, np.full(len(value), 1e-3)), covariance_at)
     found = smooth.known(field).taxels
     assert found is not None
     return found
@@ -97,6 +97,22 @@ def test_between_places_the_fit_has_a_say_as_they_have() -> None:
     assert by_both.right_everywhere == pytest.approx(0.5 + 0.5 * by_places.right_everywhere, abs=0.02)
     assert doubted.right_everywhere == pytest.approx(0.5 * by_places.right_everywhere, abs=0.02)
     assert by_both.error == pytest.approx(by_places.error)
+
+
+def test_what_is_told_by_places_is_as_likely_right_as_both_say() -> None:
+    nodes = through(0.3 * np.random.default_rng(1).standard_normal(len(SENSOR.taxel_m)))
+    pressed = np.arange(len(SENSOR.taxel_m)) % 3 == 0
+    field = field_map(PiezoInhomogeneity(nodes=nodes), SENSOR)
+    assert field is not None
+    place_m = SENSOR.taxel_m[pressed]
+    places = Places(place_m, TAXELS[pressed] @ np.ravel(nodes), np.zeros(len(place_m)))
+    by_both = where_pressed(field, places, 0.1, lambda point_m: np.zeros((len(point_m), len(point_m)))).taxels
+    by_places = where_pressed(field, places, 0.1, lambda point_m: None).taxels
+    assert by_both is not None
+    assert by_places is not None
+    assert by_places.right_everywhere is not None
+    assert by_both.right_everywhere == pytest.approx(0.5 + 0.5 * by_places.right_everywhere, abs=0.02)
+    assert by_both.right == by_places.right == 1.0
 
 
 def selection_of(effect: Effect, pressed: Array, monkeypatch: pytest.MonkeyPatch) -> Any:

@@ -24,6 +24,7 @@ from ertskin.physics.effects.effect import (
     Start,
     shown_by,
 )
+from ertskin.physics.effects.field_over_sheet import FieldOverSheet
 from ertskin.physics.effects.hypothesis import Measured, Signal
 from ertskin.physics.effects.registry import effect_classes
 from ertskin.physics.effects.self_heating import SelfHeating
@@ -86,7 +87,8 @@ def every_freed_example() -> list[Effect]:
         for start in [*kind.reading_starts(small_sensor(), SCAN), *kind.force_starts()][:1]:
             known = kind.parameters()
             begun = start.effect.changed({key: known[key].typical for key in start.along})
-            found += [freed_example(begun, start.free, form) for form in begun.freer(start.free)]
+            fields = begun.beginnings(start.free) if isinstance(begun, FieldOverSheet) else ()
+            found += [freed_example(begun, start.free, form) for form in (*begun.freer(start.free), *fields)]
     return found
 
 

@@ -11,7 +11,7 @@ from ertskin.diagnosis.fit.quadratic import Quadratic
 from ertskin.diagnosis.fit.solved import Solved
 from ertskin.diagnosis.fit.terms import Term
 from ertskin.diagnosis.search import trials
-from ertskin.diagnosis.search.candidates import Candidate
+from ertskin.diagnosis.search.candidates import Candidate, screen
 from ertskin.diagnosis.search.smooth_fields import NodeQuadratic, predictive, with_smooth_field
 from ertskin.physics.effects.piezo_inhomogeneity import PiezoInhomogeneity
 
@@ -47,6 +47,29 @@ def test_a_candidate_is_tried_from_either_end(better: float, monkeypatch: pytest
     monkeypatch.setattr(trials, "_with_remainders", lambda *given: ())
     (tried,) = trials._try(problem, current, [Candidate(ends[0], 1.0, others=(ends[1],))], PARTITIONS)
     assert tried.solved is fits[better]
+
+
+def test_a_smooth_field_spread_otherwise_acts_as_before() -> None:
+    problem = recorded(replace(FABRIC, in_response=1.0))
+    current = problem.at_hand(problem.solve([], START))
+    extent_m = problem.evidence.sensor.extent_m
+    process = predictive(NodeQuadratic.of(problem, current, (PiezoInhomogeneity(),), 0), extent_m, PARTITIONS)
+    spot = Term(replace(FABRIC, in_response=0.4), ("amplitude", "in_response"))
+    beside = process.of(spot, extent_m)
+    assert [term.effect.value("in_response") for term in beside] == [0.0, 1.0]
+    (again,) = process.of(replace(beside[0], effect=replace(FABRIC, in_response=0.4)), extent_m)
+    assert again.effect.value("in_response") == 0.4
+
+
+def test_forms_of_few_numbers_begin_from_either_end() -> None:
+    problem = recorded(replace(FABRIC, in_response=1.0))
+    current = problem.at_hand(problem.solve([], START))
+    found = [c for c in screen(problem, current, PARTITIONS) if c.name == FABRIC.name and c.term.modes is None]
+    assert {"amplitude", "ridge", "step", "gradient_x"} <= {c.term.free[0] for c in found}
+    for candidate in found:
+        ends = [candidate.term, *candidate.others]
+        assert [term.effect.value("in_response") for term in ends] == [0.0, 1.0]
+        assert all(term.free[-1] == "in_response" for term in ends)
 
 
 def _dearer(solved: Solved) -> Quadratic:
