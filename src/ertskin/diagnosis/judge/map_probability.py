@@ -96,9 +96,9 @@ def with_fitted(posteriors: Sequence[FieldPosterior], mean: Array, covariance: A
     """The posteriors of values at places and, as likely as all of them together, what a fit says of the field, ``mean``
     (n,) and ``covariance`` (n,n).
 
-    Alone neither says how often a map is right: of 21 opened recordings (`proof/development.md`) whose fields presses
-    alone show ten maps followed the true one over the whole sheet; by places 5.0 were expected to, by fits 15.6, by
-    both 10.3 (squares missed 6.3, 7.0 and 3.8).
+    Alone neither says how often a map is right: of 22 opened recordings (`proof/development.md`) whose fields presses
+    alone show eleven maps followed the true one over the whole sheet; by places 3.2 were expected to, by fits 16.6,
+    by both 9.9 (squares missed 8.0, 7.0 and 4.8).
     """
     together = float(logsumexp([one.log_weight for one in posteriors]))
     return [*posteriors, FieldPosterior(together, mean, covariance)]
