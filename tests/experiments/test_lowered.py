@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from judged import Judged
-from lowered import lowered, measured
+from lowered import Lowered, lowered, measured
 
 
 def case(*claims: tuple[str, str, float]) -> Judged:
@@ -21,13 +21,27 @@ def case(*claims: tuple[str, str, float]) -> Judged:
 def test_claims_are_counted_by_rule_kind_and_whether_they_were_right() -> None:
     found = lowered([
         case(("piezo_creep", "mending", 0.5), ("contact_drift", "mending", 0.5), ("contact_drift", "mending", 0.4)),
-        case(("piezo_creep", "mending", 0.5), ("piezo_inhomogeneity", "spoiling", 0.5)),
+        case(("piezo_creep", "mending", 0.5), ("piezo_inhomogeneity", "left_over", 0.5)),
     ])  # fmt: skip
     assert found == {
-        ("mending", "others"): {True: [0, 1], False: []},
-        ("mending", "contacts that wander"): {True: [], False: [0, 0]},
-        ("spoiling", "fields"): {True: [], False: [1]},
+        ("mending", "others"): [Lowered(0, True, 0.5, 0.99), Lowered(1, True, 0.5, 0.99)],
+        ("mending", "contacts that wander"): [Lowered(0, False, 0.5, 0.99), Lowered(0, False, 0.4, 0.99)],
+        ("left_over", "fields"): [Lowered(1, False, 0.5, 0.99)],
     }
+
+
+def test_what_a_claim_would_be_without_a_rule_keeps_what_the_others_took() -> None:
+    reasons = [
+        {"rule": "rivals", "before": 1.0, "after": 0.8},
+        {"rule": "left_over", "before": 0.8, "after": 0.4},
+        {"rule": "mending", "before": 0.4, "after": 0.2},
+    ]
+    one = case(("piezo_creep", "", 0.2))
+    one.diagnosis["effects"][0]["reasons"] = reasons
+    found = {rule: claims[0] for (rule, _), claims in lowered([one]).items()}
+    assert {claim.said for claim in found.values()} == {0.2}
+    without = {rule: round(claim.without, 3) for rule, claim in found.items()}
+    assert without == {"rivals": 0.25, "left_over": 0.4, "mending": 0.4}
 
 
 def test_a_rule_that_took_nothing_is_not_counted() -> None:
@@ -69,4 +83,4 @@ def test_a_map_is_judged_as_its_claim_s_confidence_says_it() -> None:
     for more, right in (({}, False), ({"confidence_everywhere": 0.1}, True)):
         truth = {"kind": "single", "effects": [hidden], "point_m": point}
         one = Judged("c000", truth, {"verdict": "explained", "effects": [said | more]})
-        assert lowered([one]) == {("map_known", "fields"): {right: [0], not right: []}}
+        assert lowered([one]) == {("map_known", "fields"): [Lowered(0, right, 0.5, 0.99)]}

@@ -2,35 +2,51 @@
 
 RESULTS are folders of opened samples. Of every rule among a claim's ``reasons`` that took something from its
 confidence: how many such claims were right and how many wrong, and in how many recordings, for fields, contacts that
-wander and others; a map is judged as the claim's confidence says it. Then, of what is measured rather than weighed
-(limits of a converter, contacts that move) and that no rule lowered: in how many recordings all of it was right, in how
-many not, which ``measured_confidence`` is set by.
+wander and others; a map is judged as the claim's confidence says it. The squares that their confidences missed by, and
+would miss by without the rule, say what it is worth: an ablation that needs no run, but for claims that rules have
+brought below what is said. Then, of what is measured rather than weighed (limits of a converter, contacts that move)
+and that no rule lowered: in how many recordings all of it was right, in how many not, which ``measured_confidence`` is
+set by.
 """
 
 from __future__ import annotations
 
 import sys
 from collections import defaultdict
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 from judged import Judged
 from opened_sample import asked_for
 
 KINDS = {"piezo_inhomogeneity": "fields", "sheet_inhomogeneity": "fields", "contact_drift": "contacts that wander"}
+SUREST = 0.99
+"""The most that a claim's confidence would be without a rule."""
 
 
-def lowered(cases: list[Judged]) -> dict[tuple[str, str], dict[bool, list[int]]]:
-    """By rule and kind of claim: numbers of the cases, one for every claim lowered, by whether it was right."""
-    found: dict[tuple[str, str], dict[bool, list[int]]] = defaultdict(lambda: {True: [], False: []})
+@dataclass(frozen=True)
+class Lowered:
+    """A claim of a case that a rule made less sure: what is ``said`` of it, and would be ``without`` the rule."""
+
+    case: int
+    right: bool
+    said: float
+    without: float
+
+
+def lowered(cases: list[Judged]) -> dict[tuple[str, str], list[Lowered]]:
+    """By rule and kind of claim."""
+    found: dict[tuple[str, str], list[Lowered]] = defaultdict(list)
     for number, case in enumerate(cases):
         for claim in case.claims:
-            for reason in claim.get("reasons") or []:
+            reasons = claim.get("reasons") or []
+            asked = replace(case, where_known="confidence_everywhere" in claim)
+            for reason in reasons:
                 if reason["after"] != reason["before"]:
-                    kind = KINDS.get(claim["name"], "others")
-                    asked = replace(case, where_known="confidence_everywhere" in claim)
-                    found[reason["rule"], kind][asked.is_right(claim)].append(number)
-    return found
+                    kind, said = KINDS.get(claim["name"], "others"), reasons[-1]["after"]
+                    without = min(SUREST, said * reason["before"] / reason["after"]) if reason["after"] else SUREST
+                    found[reason["rule"], kind].append(Lowered(number, asked.is_right(claim), said, without))
+    return dict(found)
 
 
 def measured(cases: list[Judged]) -> tuple[int, int]:
@@ -58,14 +74,21 @@ def _is_lowered(claim: dict[str, Any]) -> bool:
     return any(reason["rule"] != "rivals" and reason["after"] != reason["before"] for reason in reasons)
 
 
+def _counted(claims: list[Lowered], right: bool) -> str:
+    cases = [one.case for one in claims if one.right is right]
+    return f"{len(cases)} ({len(set(cases))})"
+
+
 def main() -> int:
     cases = asked_for(__doc__)
     print(f"{sum(bool(claim.get('reasons')) for case in cases for claim in case.claims)} claims with reasons\n")
-    print("| rule | claims | right (recordings) | wrong (recordings) |")
-    print("| --- | --- | --- | --- |")
-    for (rule, kind), by_right in sorted(lowered(cases).items()):
-        right, wrong = (f"{len(by_right[is_right])} ({len(set(by_right[is_right]))})" for is_right in (True, False))
-        print(f"| `{rule}` | {kind} | {right} | {wrong} |")
+    print("| rule | claims | right (recordings) | wrong (recordings) | squares missed | without the rule |")
+    print("| --- | --- | --- | --- | --- | --- |")
+    for (rule, kind), claims in sorted(lowered(cases).items()):
+        missed = sum((one.said - one.right) ** 2 for one in claims)
+        without = sum((one.without - one.right) ** 2 for one in claims)
+        counts = f"{_counted(claims, True)} | {_counted(claims, False)}"
+        print(f"| `{rule}` | {kind} | {counts} | {missed:.1f} | {without:.1f} |")
     right_count, wrong_count = measured(cases)
     print(f"\nrecordings of what is measured, lowered by no rule: {right_count} all right, {wrong_count} not")
     return 0
