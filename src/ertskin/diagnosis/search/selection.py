@@ -328,8 +328,8 @@ class _Search:
     def with_other_forms(
         self, chosen: tuple[Chosen, ...], incumbent: CheckedFit
     ) -> tuple[tuple[Chosen, ...], CheckedFit]:
-        """With a form that explained nearly as much as one that entered, and what follows, where a mismatch stays and
-        that is likelier."""
+        """With a form that explained nearly as much as one that entered, or another effect before a field, and what
+        follows, where a mismatch stays and that is likelier."""
         forms, self.forms = self.forms, []
         if incumbent.misfit <= incumbent.problem.evidence.criteria.mismatch_ratio:
             return chosen, incumbent
@@ -339,7 +339,7 @@ class _Search:
                 break
             other = self._apart()
             begun = other._in_form(incumbent, form)
-            if begun is None or not may_be_likelier(begun, incumbent, least, self.partitions):
+            if begun is None or not may_be_likelier(begun, incumbent, form, least, self.partitions):
                 continue
             followed = self._followed(other, begun, incumbent, least)
             if followed is not None:

@@ -22,6 +22,7 @@ from ertskin.diagnosis.search.other_forms import OtherForm, may_be_likelier, oth
 from ertskin.diagnosis.search.trials import Trial
 from ertskin.physics.effects.contact_pressure_dependence import ContactPressureDependence
 from ertskin.physics.effects.indenter_offset import IndenterOffset
+from ertskin.physics.effects.sheet_inhomogeneity import SheetInhomogeneity
 
 ALIKE = Term(ContactPressureDependence(evenly=True), ("sensitivity_per_pa",))
 UNEVEN = replace(ALIKE, effect=ContactPressureDependence(evenly=False))
@@ -34,8 +35,15 @@ class Modes:
     """A smooth field's, as far as it is one."""
 
 
+SPOT = Term(SheetInhomogeneity(), ("amplitude",))
+FIELD = replace(SPOT, modes=Modes())  # type: ignore[arg-type]
+
+
 def trial(term: Term, gain: float) -> Trial:
     return Trial(term, gain, SimpleNamespace(terms=(term,)))  # type: ignore[arg-type]
+
+
+FORM = OtherForm(trial(UNEVEN, 95.0), RIVALS, 0)
 
 
 def fit_of(*terms: Term, misfit: float = 1.6) -> CheckedFit:
@@ -63,9 +71,47 @@ def test_the_best_of_every_law_that_gains_nearly_as_much_is_kept(others: list[Tr
     assert all((one.rivals, one.fixed) == (rivals, 3) for one in found)
 
 
-def test_a_smooth_field_has_no_other_form() -> None:
-    entered = trial(replace(ALIKE, modes=Modes()), 100.0)  # type: ignore[arg-type]
-    assert other_forms(entered, [entered, trial(UNEVEN, 99.0)], (), 0) == []
+@pytest.mark.parametrize(
+    ("others", "kept"),
+    [
+        ([trial(UNEVEN, 40.0), trial(ALIKE, 45.0), trial(OFFSET, 20.0)], [1]),
+        ([trial(OFFSET, 20.0)], []),
+        ([trial(SPOT, 90.0)], []),
+        ([trial(replace(UNEVEN, modes=Modes()), 90.0)], []),  # type: ignore[arg-type]
+    ],
+    ids=["the best", "one that gains too little", "a spot", "another smooth field"],
+)
+def test_before_a_smooth_field_may_come_the_best_of_few_numbers_that_gains_enough(
+    others: list[Trial], kept: list[int]
+) -> None:
+    entered = trial(FIELD, 100.0)
+    found = other_forms(entered, [entered, *others], (), 3)
+    assert [(one.trial, one.field, one.fixed) for one in found] == [(others[k], FIELD, 3) for k in kept]
+    for one in found:
+        assert [(rival.effect, rival.short) for rival in one.rivals] == [(OFFSET.effect, 25.0)]
+
+
+@pytest.mark.parametrize(
+    ("terms", "fixed", "may"),
+    [((FIELD,), 0, True), ((SPOT,), 0, False), ((FIELD, UNEVEN), 0, False), ((FIELD,), 1, False)],
+    ids=["there", "dropped", "both there", "others are fixed by now"],
+)
+def test_it_may_come_before_a_field_that_is_there(terms: tuple[Term, ...], fixed: int, may: bool) -> None:
+    assert OtherForm(trial(ALIKE, 95.0), (), 0, FIELD).may_replace(terms, fixed) is may
+
+
+@pytest.mark.parametrize("may", [True, False])
+def test_before_a_field_it_may_be_likelier_where_one_beside_it_is(may: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked = []
+
+    def promises(incumbent: CheckedFit, fit: CheckedFit, field: Term, partitions: list[list[int]]) -> bool:
+        asked.append(field)
+        return may
+
+    monkeypatch.setattr(module, "promises", promises)
+    form = replace(FORM, field=FIELD)
+    assert may_be_likelier(fit_of(UNEVEN), fit_of(FIELD), form, 600.0, []) is may
+    assert asked == [FIELD]
 
 
 @pytest.mark.parametrize(
@@ -84,7 +130,7 @@ def test_it_may_be_likelier_where_a_candidate_promises_it(
     # Alone the form is less likely by 300 than all that was found beside the other one, and 600 is worth a name.
     monkeypatch.setattr(module, "gain_of_exchange", lambda present, proposed: -300.0)
     monkeypatch.setattr(module, "screen", lambda *given: [SimpleNamespace(gain=expected), SimpleNamespace(gain=1.0)])
-    assert may_be_likelier(fit_of(UNEVEN), fit_of(ALIKE, OFFSET), 600.0, []) is may
+    assert may_be_likelier(fit_of(UNEVEN), fit_of(ALIKE, OFFSET), FORM, 600.0, []) is may
 
 
 @pytest.fixture
@@ -94,7 +140,7 @@ def search(monkeypatch: pytest.MonkeyPatch) -> selection._Search:
     monkeypatch.setattr(selection, "refined", lambda build, fit, partitions, free: fit)
     monkeypatch.setattr(selection, "reconsidered", lambda build, fit: fit)
     monkeypatch.setattr(selection, "worth_a_name", lambda problem, solved: 600.0)
-    monkeypatch.setattr(selection, "may_be_likelier", lambda fit, incumbent, least, partitions: True)
+    monkeypatch.setattr(selection, "may_be_likelier", lambda fit, incumbent, form, least, partitions: True)
     monkeypatch.setattr(selection._Search, "_without_drifts", lambda search, fit: fit)
     monkeypatch.setattr(selection._Search, "grown", lambda search, fit: fit_of(*fit.solved.terms, OFFSET, misfit=1.0))
     monkeypatch.setattr(selection._Search, "pruned", lambda search, fit: (tuple(fit.solved.terms), fit))
@@ -102,7 +148,7 @@ def search(monkeypatch: pytest.MonkeyPatch) -> selection._Search:
     monkeypatch.setattr(selection, "log_misfit_held_out", lambda problem, solved, partitions: 0.0)
     monkeypatch.setattr(selection, "numbers_of", lambda problem, partitions: np.array([1000.0]))
     found = selection._Search(None, [], lambda share, text: None, 0, {})  # type: ignore[arg-type]
-    found.forms = [OtherForm(trial(UNEVEN, 95.0), RIVALS, 0)]
+    found.forms = [FORM]
     return found
 
 
@@ -172,7 +218,7 @@ def test_it_is_left_where_the_specimen_comes_to_disagree(
 def test_it_is_not_tried_where_nothing_is_missing_others_are_fixed_or_it_promises_nothing(
     misfit: float, fixed: int, promising: bool, search: selection._Search, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(selection, "may_be_likelier", lambda fit, incumbent, least, partitions: promising)
+    monkeypatch.setattr(selection, "may_be_likelier", lambda fit, incumbent, form, least, partitions: promising)
     search.fixed = fixed
     assert gone_on(search, misfit) == [ALIKE]
     assert search.tried == []
