@@ -175,11 +175,12 @@ class VoltageProblem:
         scan, specimen, leftover = self._blocks(skin)
         count = len(x)
         columns = np.zeros((*scan.shape, count), dtype=np.float32)
-        self.evidence.work.add(columns.size * self.linear.instants(skin))
         specimen_columns = np.zeros((len(specimen), count))
         instrument = [k for k in range(layout.calibration, count) if layout.is_instrument(k)]
         # Column by column: numbers written far from one another take longer than what they come from.
-        leftover_columns = np.zeros((len(instrument), 0 if leftover is None else leftover.size)).T
+        leftover_columns = np.zeros((len(instrument), *(() if leftover is None else leftover.shape)))
+        counted = 0 if leftover is None else leftover_columns.size
+        self.evidence.work.add(columns.size * self.linear.instants(skin) + counted)
         electrodes = self.evidence.protocol.electrodes
         columns[..., 1 : 1 + electrodes] = self.evidence.discounted(self.contact_columns(skin))
         known = self._known_columns(layout)
@@ -192,8 +193,8 @@ class VoltageProblem:
         alone = [k for k in layout.parameters if layout.on_readings_alone(k)]
         if alone:
             columns[..., _together(alone)], beyond = self._instrument_columns(layout, x, alone)
-            for k, column in zip(alone, beyond.T, strict=True):
-                leftover_columns[:, instrument.index(k)] = column
+            if leftover is not None:
+                leftover_columns[[instrument.index(k) for k in alone]] = beyond
         # Another ratio of moduli is another field of pressure, which the next fit begins with: it comes last.
         others = [k for k in layout.parameters if k not in alone] + ([layout.ratio] if known is None else [])
         for k in others:
@@ -202,7 +203,7 @@ class VoltageProblem:
             columns[..., k] = (scan - stepped[0]) / size
             specimen_columns[:, k] = (specimen - stepped[1]) / size
             if leftover is not None and stepped[2] is not None:
-                leftover_columns[:, instrument.index(k)] = ((leftover - stepped[2]) / size).ravel()
+                leftover_columns[instrument.index(k)] = (leftover - stepped[2]) / size
         self._fill_fields(layout, skin, columns)
         self.last_columns = columns, specimen_columns
         self.last_leftover = None if leftover is None else (np.array(instrument, dtype=np.intp), leftover_columns)
@@ -218,12 +219,14 @@ class VoltageProblem:
         return self.evidence.discounted(found)
 
     def _instrument_columns(self, layout: Layout, x: Array, which: Sequence[int]) -> tuple[Array, Array]:
-        """Columns (T,P,n) of the scans, and (m,n) of the leftover, by numbers ``which`` that act on readings alone."""
+        """Columns (T,P,c) of the scans, and (c,n,K*M) of the leftover, by numbers ``which`` (c,) that act on readings
+        alone."""
         moved = [self._skin(layout, layout.moved(k, x)) for k in which]
         scan, beyond = self.acquisition.derivatives(self._skin(layout, x), moved)
         step = np.array([layout.step(k, x) for k in which])
         scan *= np.where(self.weight > 0, 1 / self.evidence.noise_v, 0.0)[:, None, None] / step
-        return self.evidence.discounted(scan), beyond.reshape(-1, len(which)) / step
+        beyond /= step[:, None, None]
+        return self.evidence.discounted(scan), beyond
 
     def _fill_specimen(self, layout: Layout, x: Array, which: Sequence[int], base: Array, columns: Array) -> None:
         """The specimen's columns (S,n) by the numbers ``which``, about its residuals ``base`` (S,)."""
@@ -280,15 +283,13 @@ class VoltageProblem:
         return found
 
     def _add_leftover(self, quadratic: Quadratic, leftover: Array, which: NDArray[np.intp], columns: Array) -> None:
-        """What no network explains, (n,K*M) with the ``columns`` (n*K*M,c) of the numbers ``which`` (c,)."""
-        design = columns.T.reshape(len(which), *leftover.shape)
+        """What no network explains, (n,K*M) with the ``columns`` (c,n,K*M) of the numbers ``which`` (c,)."""
         for cell in range(self.cell_count):
             mine = self.cells[self.acquisition.rows] == cell
             if mine.any():
                 wrong = leftover[mine].ravel()
-                quadratic.add(
-                    cell, wrong, design[:, mine].reshape(len(which), len(wrong)).T, which, self.leftover_share
-                )
+                design = columns[:, mine].reshape(len(which), len(wrong)).T
+                quadratic.add(cell, wrong, design, which, self.leftover_share)
 
     def contact_columns(self, skin: Skin) -> Array:
         """(T,P,L) change of the scans per unit logarithm of each contact resistance, in units of the noise."""

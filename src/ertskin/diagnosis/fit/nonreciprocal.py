@@ -77,7 +77,7 @@ class AcquisitionSignal:
 
     def derivatives(self, skin: Skin, moved: Sequence[Skin]) -> tuple[Array, Array]:
         """What ``moved`` skins (c of them), whose networks are the skin's, change of its scans, (T,P,c) in volt, and of
-        what no network explains, (n,K*M,c) in units of the noise."""
+        what no network explains, (c,n,K*M) in units of the noise."""
         protocol, basis = self.evidence.protocol, self.evidence.protocol.orthonormal
         scans = self.linear.scans(skin)
         found = np.zeros((*scans.shape, len(moved)))
@@ -94,7 +94,7 @@ class AcquisitionSignal:
             beyond, self._changes(self.readings(skin), skin, moved, self.time_s[self.rows]), strict=True
         ):
             np.multiply(self._unexplained(change), scale, out=one)
-        return found, np.moveaxis(beyond, 0, -1)
+        return found, beyond
 
     def _changes(self, readings: Array, skin: Skin, moved: Sequence[Skin], time_s: Array) -> Iterator[Array]:
         """(n,K*M) what the instrument of each of the ``moved`` skins makes of a network's readings (n,K,M) at times

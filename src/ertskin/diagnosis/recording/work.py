@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 MOST = 4e9
-"""Derivatives of one number of one scan each, after which a search takes up nothing more: of fits by one unknown (of a
-skin that moves while it is scanned at each of the moments looked at), of states linearised about by a node, a contact
-or a pad's shift. Some 1e7 take a second of CPU."""
+"""Derivatives of one number each, of a scan or of what no network explains, after which a search takes up nothing more:
+of fits by one unknown (of scans of a skin that moves meanwhile at each of the moments looked at), of states linearised
+about by a node, a contact or a pad's shift. Some 1e7 take a second of CPU."""
 
 
 @dataclass(eq=False)

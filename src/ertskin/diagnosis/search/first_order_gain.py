@@ -125,7 +125,7 @@ def add_leftover(problem: VoltageProblem, solved: Solved, moved: Moved, gradient
         curved[where, where] += share * (flat.T @ flat)
         if problem.last_leftover is not None:
             which, own = problem.last_leftover
-            cross = flat.T @ own.T.reshape(len(which), *wrong.shape)[:, mine].reshape(len(which), len(flat)).T
+            cross = flat.T @ own[:, mine].reshape(len(which), len(flat)).T
             curved[where, which] += share * cross
             curved[which, where] += share * cross.T
 

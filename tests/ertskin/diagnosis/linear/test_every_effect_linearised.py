@@ -171,9 +171,9 @@ def test_what_acts_on_readings_alone_has_its_derivatives_by_readings(
     assert np.abs(expected).max() > 0
     np.testing.assert_allclose(scans[..., 0], expected, atol=0.02 * np.abs(expected).max())
     expected = signal.residual(begun) - signal.residual(moved)
-    np.testing.assert_allclose(beyond[..., 0], expected, atol=1e-6 * np.abs(expected).max())
+    np.testing.assert_allclose(beyond[0], expected, atol=1e-6 * np.abs(expected).max())
     assert not scans[..., 1].any()
-    assert not beyond[..., 1].any()
+    assert not beyond[1].any()
 
 
 @pytest.mark.parametrize("others", [(), (SelfHeating(crowded_rise=-0.03, lasts_s=12.0),)], ids=["cold", "as warm"])
