@@ -198,6 +198,11 @@ class Effect:
         in time; None of what has no such limit, or none that the law at hand doesn't hold already."""
         return None
 
+    def misread(self) -> dict[str, float]:
+        """What parameters that readings tell would be if the sheet felt what the load cell, at a stop or its limit,
+        doesn't show: then not the foam makes forces small. None of what makes no force small so."""
+        return {}
+
 
 def shown_by(effect: Effect | type[Effect], signal: Signal) -> bool:
     """Whether a signal shows an effect in the form at hand, or in any form of its kind."""

@@ -54,6 +54,9 @@ class NonlinearFoam(FoamEffect):
             linear = np.clip(linear - wrong / np.maximum(1 + (1 + self.exponent) * added, 0.1), 0.0, most_n)
         return force_n - self.carried * (force_n - linear)
 
+    def misread(self) -> dict[str, float]:
+        return {"carried": 1.0} if self.stiffening < 0 else {}
+
     def quantities(self, standard: Standard) -> dict[str, float]:
         """Force over linear force, less one, sunk as far as the deepest press."""
         strokes = standard.sunk(np.ones(1), np.zeros(1))

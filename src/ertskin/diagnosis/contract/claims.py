@@ -116,7 +116,8 @@ class Claim:
     ``quantities`` mean the same in any form of the effect; ``field_map`` is of an effect that has a
     field. ``by_force``: force over depth alone has named it. ``misfits_by_place``: of the presses fitted, over noise,
     without the field that it is and with it told place by place; ``by_place``: that is what makes it sure, and nothing
-    is said of places that nothing has pressed.
+    is said of places that nothing has pressed. ``misread``: half chi-square that the readings gain where the load cell
+    misreads rather than the foam gives way; None of what no load cell does.
     """
 
     effect: Effect
@@ -133,6 +134,7 @@ class Claim:
     by_place: bool = False
     name_confidence: float | None = None
     of_specimen: dict[str, Estimate] = field(default_factory=dict)
+    misread: float | None = None
 
     @property
     def named(self) -> float:

@@ -22,6 +22,8 @@ Indices = NDArray[np.intp]
 
 SUPPORT_SHARE = 1e-3
 """Part of the support's stiffness by which it may be off where an effect is fitted in another's stead."""
+LEAST_ERROR = 1e-6
+"""Of a share of the force, so that one known exactly can be weighed, too."""
 
 
 @dataclass(frozen=True)
@@ -91,9 +93,24 @@ def _felt(claim: Claim, selection: Selection) -> Claim:
     for number, term in enumerate(solved.terms):
         if term.name == claim.effect.name and term.free:
             known = term.effect.parameters()
-            found = {key: estimate(*solved.known(number, key), known[key]) for key in term.free}
-            return replace(claim, effect=term.effect, parameters=claim.parameters | found)
+            told = {key: solved.known(number, key) for key in term.free}
+            found = {key: estimate(*one, known[key]) for key, one in told.items()}
+            misread = _misread(term.effect, told)
+            return replace(claim, effect=term.effect, parameters=claim.parameters | found, misread=misread)
     return claim
+
+
+def _misread(effect: Effect, told: dict[str, tuple[float, float]]) -> float | None:
+    """What the readings gain, in half chi-square, where the load cell misreads instead of the foam: by values and
+    errors ``told`` of the parameters that say how much of the force the sheet feels."""
+    unfelt = effect.misread()
+    lost = [_lost(*told[key], effect.known(key).neutral) - _lost(*told[key], unfelt[key]) for key in unfelt]
+    return sum(lost) if lost else None
+
+
+def _lost(value: float, error: float, wanted: float) -> float:
+    """Half chi-square that a parameter known to an ``error`` loses at the value ``wanted``."""
+    return 0.5 * ((value - wanted) / max(error, LEAST_ERROR)) ** 2
 
 
 def _claim(criteria: Criteria, baseline: Baseline, best: ForceFit, term: Start) -> Claim:

@@ -31,11 +31,11 @@ from ertskin.diagnosis.judge.confidence import (
     left_beyond,
     left_over,
     mending,
+    misreading,
     noisy,
     of_maps,
     overshadowed,
     reasoned,
-    spoiling,
     static_only,
 )
 from ertskin.diagnosis.judge.contact_drift_claims import drift_claims
@@ -56,6 +56,7 @@ from ertskin.physics.effects.hypothesis import Measured, Signal
 from ertskin.physics.effects.registry import measured_as
 
 SPOILT = "presses that no fit has seen are predicted worse with what is named than without"
+MISREAD = "the sheet feels force that the load cell doesn't show: it may meet a stop or be at its limit"
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,6 +96,12 @@ class Case:
         """Those that do so often enough to be a fault."""
         least = self.criteria.repeating_share * len(self.evidence.history)
         return tuple(k for k in self.repeating if self.evidence.repeats[k] >= least)
+
+    @property
+    def misread(self) -> bool:
+        """Whether the load cell misreads rather than the foam gives way."""
+        gains = [claim.misread for claim in self.force.claims if claim.misread is not None]
+        return max(gains, default=0.0) > self.criteria.significant_gain
 
     @cached_property
     def noisy(self) -> dict[int, float]:
@@ -183,6 +190,8 @@ def _depends_on(case: Case, claims: list[Claim], verdict: str, jitters: bool, te
     axes: list[str] = [axis for claim in claims for axis in claim.effect.hypothesis.axes]
     if verdict == "unexplained":
         axes = ["electrode", "time"] if jitters else depends_on(tests, case.criteria)
+    if case.misread:
+        axes.append("force")
     if case.selection.specimen == "disagrees":
         axes.append("specimen")
     return tuple(dict.fromkeys(axes))
@@ -211,7 +220,6 @@ def _rules(case: Case) -> list[tuple[str, str, Callable[[list[Claim]], list[Clai
     rest, displaced = selection.problem.evidence.rest, case.baseline.displaced
     found_at_rest = () if displaced is None else (displaced.name,)
     by_lag = [chosen.by_lag for chosen in selection.chosen]
-    misled, spoilt = case.found.misled(criteria), case.found.spoilt(criteria)
     return [
         *_rules_of_misfit(case),
         (
@@ -234,7 +242,6 @@ def _rules(case: Case) -> list[tuple[str, str, Callable[[list[Claim]], list[Clai
             "it explains what stands at rest, but little of what presses change",
             lambda c: static_only(c, residuals, rest, criteria, found_at_rest),
         ),
-        ("spoiling", SPOILT, lambda c: spoiling(c, criteria, misled=misled, spoilt=spoilt)),
         *_rules_of_channels(case),
         ("maps", "fields so sure have had the right map less often", of_maps),
     ]
@@ -248,6 +255,7 @@ def _rules_of_misfit(case: Case) -> list[tuple[str, str, Callable[[list[Claim]],
     beyond = case.evidence.leftover_ratio, case.leftover
     return [
         ("left_over", "part of the misfit stays", lambda c: left_over(c, *ratios, criteria, presses_free, of_fields)),
+        ("misreading", MISREAD, lambda c: misreading(c, criteria)),
         ("left_beyond", "part of what no network explains stays", lambda c: left_beyond(c, *beyond, criteria)),
     ]
 
@@ -302,7 +310,8 @@ def _verdict(case: Case, claims: list[Claim], jitters: bool) -> str:
     press = case.evidence.history[case.found.held].press
     before = case.found.ratio_before if claims else broad_ratio(case.found.before, press) / surely
     verdict = verdict_of(before, case.found.ratio_after, bool(claims), case.criteria, mismatch)
-    if verdict == "explained" and (case.force.off or beyond or jitters or is_one_fault(claims, case.criteria)):
+    off = case.force.off or case.misread
+    if verdict == "explained" and (off or beyond or jitters or is_one_fault(claims, case.criteria)):
         return "partly_explained"
     return verdict
 
@@ -330,6 +339,8 @@ def _reason(case: Case, claims: list[Claim], jitters: bool) -> str | None:
         )
     if is_one_fault(claims, case.criteria):
         said.append("several channels side by side are off: look for one cause, such as currents that haven't settled")
+    if case.misread:
+        said.append(MISREAD)
     by_place = [claim.effect.name for claim in claims if claim.by_place]
     said += [f"{name} is known only where something has pressed: press at the other places" for name in by_place]
     said += [

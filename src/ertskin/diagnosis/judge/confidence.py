@@ -84,12 +84,24 @@ def at_once(claims: Sequence[Claim], by_lag: Sequence[float | None], criteria: C
     for k, lost in enumerate(by_lag):
         if lost is None:
             continue
-        share = float(expit((lost - criteria.significant_gain) / criteria.evidence_discount))
+        share = 1 - _unless(lost, criteria)
         static = (1 - share) * claims[k].confidence
         others = ((AT_ONCE, static),) if static > SAID else ()
         alternatives = (*claims[k].alternatives, *others)
         found[k] = replace(claims[k], confidence=share * claims[k].confidence, alternatives=alternatives)
     return found
+
+
+def misreading(claims: Sequence[Claim], criteria: Criteria) -> list[Claim]:
+    """Foam that gives way loses confidence where the sheet feels what the load cell doesn't show: foam passes on all
+    of its force, a load cell at a stop shows too little. That is no name, but must gain what is significant."""
+    shares = [1.0 if c.misread is None else _unless(c.misread, criteria) for c in claims]
+    return [replace(c, confidence=c.confidence * share) for c, share in zip(claims, shares, strict=True)]
+
+
+def _unless(gain: float, criteria: Criteria) -> float:
+    """Share of a confidence that stays beside what has no name and gains so much, in half chi-square, in its stead."""
+    return float(expit((criteria.significant_gain - gain) / criteria.evidence_discount))
 
 
 def left_beyond(claims: Sequence[Claim], before: float, after: float, criteria: Criteria) -> list[Claim]:
@@ -109,26 +121,6 @@ def of_maps(claims: Sequence[Claim]) -> list[Claim]:
         replace(c, confidence=c.confidence**MAP_POWER, name_confidence=c.confidence) if f else c
         for c, f in zip(claims, predicting, strict=True)
     ]
-
-
-def spoiling(claims: Sequence[Claim], criteria: Criteria, *, misled: bool, spoilt: bool) -> list[Claim]:
-    """Names are half as sure where presses that no fit has seen are predicted worse with them than without.
-
-    ``spoilt``: they are, which speaks against fields alone, where one is said; ``misled``: and by more than is
-    expected of the instrument's form. Exempt is what predicts none: what is told place by place, a stage that moves as
-    only the load cell shows.
-    """
-
-    def predicts(claim: Claim) -> bool:
-        return claim.in_readings and not claim.by_place
-
-    said = [claim for claim in claims if predicts(claim) and claim.confidence >= criteria.least_confidence]
-    fields = any(claim.effect.hypothesis.field for claim in said)
-
-    def doubted(claim: Claim) -> bool:
-        return predicts(claim) and (spoilt if claim.effect.hypothesis.field else misled and not fields)
-
-    return [replace(c, confidence=criteria.doubted_share * c.confidence) if doubted(c) else c for c in claims]
 
 
 def noisy(claims: Sequence[Claim], channels: Collection[int], criteria: Criteria) -> list[Claim]:

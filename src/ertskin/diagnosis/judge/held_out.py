@@ -51,10 +51,6 @@ class Predictions:
         """Whether what was named predicts worse than the uncorrected simulator."""
         return self.ratio_after > criteria.mismatch_ratio * self.ratio_before
 
-    def misled(self, criteria: Criteria) -> bool:
-        """Whether it does so by more than ``known_ratio`` allows for."""
-        return self.ratio_judged > criteria.mismatch_ratio * self.ratio_before
-
     @property
     def ratio_judged(self) -> float:
         """The misfit that speaks against what was named."""

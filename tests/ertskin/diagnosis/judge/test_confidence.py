@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -19,17 +18,16 @@ from ertskin.diagnosis.judge.confidence import (
     left_over,
     left_over_of_force,
     mending,
+    misreading,
     noisy,
     of_maps,
     overshadowed,
     reasoned,
-    spoiling,
     static_only,
 )
 from ertskin.diagnosis.judge.held_out import Predictions
 from ertskin.physics.effects.channel_gain import ChannelGain
 from ertskin.physics.effects.contact_drift import ContactDrift
-from ertskin.physics.effects.crosstalk import Crosstalk
 from ertskin.physics.effects.effect import Effect
 from ertskin.physics.effects.electrode_displacement import ElectrodeDisplacement
 from ertskin.physics.effects.indenter_offset import IndenterOffset
@@ -103,6 +101,15 @@ def test_a_memory_is_as_sure_as_what_lags_makes_it() -> None:
     assert loop == claims[1]
 
 
+def test_foam_that_gives_way_is_doubted_where_the_sheet_feels_what_the_load_cell_does_not() -> None:
+    foam = claim(NonlinearFoam(stiffening=-0.1), 2.0)
+    sure, even, doubted = misreading([replace(foam, misread=gain) for gain in (-80.0, 0.0, 80.0)], DEFAULT)
+    assert sure.confidence == pytest.approx(0.95)
+    assert even.confidence == pytest.approx(0.95 / (1 + np.exp(-3.0)))
+    assert doubted.confidence < 1e-4
+    assert misreading([foam], DEFAULT) == [foam]
+
+
 def test_names_of_the_instrument_answer_for_what_no_network_explains() -> None:
     claims = [claim(ChannelGain(channel=3, gain=0.1), 2.0), claim(SheetAnisotropy(stretch_x=0.1), 2.0)]
     assert left_beyond(claims, 3.0, 1.0, DEFAULT) == claims
@@ -132,47 +139,6 @@ def test_fields_are_as_sure_as_fields_have_been_right() -> None:
     assert loop.confidence == 0.8
 
 
-def test_names_that_spoil_the_prediction_are_half_as_sure() -> None:
-    claims = [claim(SheetAnisotropy(stretch_x=0.1), 2.0)]
-    assert spoiling(claims, DEFAULT, misled=False, spoilt=False) == claims
-    assert spoiling(claims, DEFAULT, misled=True, spoilt=True)[0].confidence == pytest.approx(0.475)
-
-
-def test_what_is_not_known_of_a_field_speaks_against_the_field_alone() -> None:
-    claims = [claim(effect, 2.0) for effect in (PiezoInhomogeneity(amplitude=0.1), Crosstalk(shares=(0.004,) * 16))]
-    field, crosstalk = spoiling(claims, DEFAULT, misled=False, spoilt=True)
-    assert field.confidence == pytest.approx(0.475)
-    assert crosstalk == claims[1]
-
-
-@pytest.mark.parametrize(
-    ("field", "expected"),
-    [
-        ({}, [0.475, 0.95]),
-        ({"confidence": 0.01}, [0.005, 0.475]),
-        ({"by_place": True}, [0.95, 0.475]),
-    ],
-    ids=["a field that is said", "one that isn't", "one that predicts nothing"],
-)
-def test_where_a_field_spoils_predictions_no_other_name_does(field: dict[str, Any], expected: list[float]) -> None:
-    claims = [
-        replace(claim(PiezoInhomogeneity(amplitude=0.1), 2.0), **field),
-        claim(NonlinearFoam(stiffening=0.5), 2.0),
-    ]
-    found = spoiling(claims, DEFAULT, misled=True, spoilt=True)
-    assert [one.confidence for one in found] == pytest.approx(expected)
-
-
-def test_a_moving_stage_that_only_the_load_cell_shows_spoils_no_prediction() -> None:
-    moving = replace(claim(ScanSkew(speed_m_per_s=2e-5), 2.0), by_force=True)
-    assert spoiling([moving], DEFAULT, misled=True, spoilt=True) == [moving]
-
-
-def test_what_is_told_place_by_place_spoils_no_prediction() -> None:
-    told = replace(claim(PiezoInhomogeneity(amplitude=0.1), 2.0), by_place=True)
-    assert spoiling([told], DEFAULT, misled=True, spoilt=True) == [told]
-
-
 def test_presses_predicted_worse_than_by_the_uncorrected_simulator_are_spoilt() -> None:
     before, little, more = (np.full((4, 3), size) for size in (2.0, 2.05, 2.2))
     held = np.arange(4)
@@ -180,7 +146,6 @@ def test_presses_predicted_worse_than_by_the_uncorrected_simulator_are_spoilt() 
     # However little is known of a field where nothing pressed: a network would learn what is predicted there.
     unknown = Predictions(held, before, more, known_ratio=1.0)
     assert unknown.spoilt(DEFAULT)
-    assert not unknown.misled(DEFAULT)
 
 
 def test_a_small_field_beside_strong_kin_may_only_mend_its_form() -> None:
