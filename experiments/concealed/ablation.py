@@ -156,7 +156,8 @@ RULES: dict[str, Rule] = {
         lambda problem, solved, number: [],
     ),
     "other_forms": Rule(
-        "forms that gained nearly as much as one that entered are gone on with where a mismatch stays",
+        "forms that gained nearly as much as one that entered, and effects before a field, are gone on with where a "
+        "mismatch stays",
         (f"{SEARCH}.selection.other_forms",),
         lambda trial, trials, rivals, fixed: [],
     ),

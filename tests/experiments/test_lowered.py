@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from judged import Judged
-from lowered import Lowered, lowered, measured
+from lowered import Lowered, lowered, measured, without
 
 
 def case(*claims: tuple[str, str, float]) -> Judged:
@@ -40,8 +40,20 @@ def test_what_a_claim_would_be_without_a_rule_keeps_what_the_others_took() -> No
     one.diagnosis["effects"][0]["reasons"] = reasons
     found = {rule: claims[0] for (rule, _), claims in lowered([one]).items()}
     assert {claim.said for claim in found.values()} == {0.2}
-    without = {rule: round(claim.without, 3) for rule, claim in found.items()}
-    assert without == {"rivals": 0.25, "left_over": 0.4, "mending": 0.4}
+    each = {rule: round(claim.without, 3) for rule, claim in found.items()}
+    assert each == {"rivals": 0.25, "left_over": 0.4, "mending": 0.4}
+
+
+def test_a_power_is_taken_of_what_a_rule_before_it_leaves_and_nought_leaves_what_stood_before() -> None:
+    reasons = [
+        {"rule": "rivals", "before": 1.0, "after": 0.9},
+        {"rule": "left_over", "before": 0.9, "after": 0.8},
+        {"rule": "maps", "before": 0.8, "after": 0.328},
+        {"rule": "map_known", "before": 0.328, "after": 0.0},
+    ]
+    assert without(reasons, 3) == 0.328
+    assert without(reasons[:3], 1) == 0.9**5
+    assert without(reasons[:3], 2) == 0.8
 
 
 def test_a_rule_that_took_nothing_is_not_counted() -> None:

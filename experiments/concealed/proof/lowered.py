@@ -19,7 +19,11 @@ from typing import Any
 from judged import Judged
 from opened_sample import asked_for
 
+from ertskin.diagnosis.judge.confidence import MAP_POWER
+
 KINDS = {"piezo_inhomogeneity": "fields", "sheet_inhomogeneity": "fields", "contact_drift": "contacts that wander"}
+POWER_OF = "maps"
+"""The rule that takes a power of what it finds; all others take a share."""
 SUREST = 0.99
 """The most that a claim's confidence would be without a rule."""
 
@@ -41,12 +45,22 @@ def lowered(cases: list[Judged]) -> dict[tuple[str, str], list[Lowered]]:
         for claim in case.claims:
             reasons = claim.get("reasons") or []
             asked = replace(case, where_known="confidence_everywhere" in claim)
-            for reason in reasons:
+            for k, reason in enumerate(reasons):
                 if reason["after"] != reason["before"]:
-                    kind, said = KINDS.get(claim["name"], "others"), reasons[-1]["after"]
-                    without = min(SUREST, said * reason["before"] / reason["after"]) if reason["after"] else SUREST
-                    found[reason["rule"], kind].append(Lowered(number, asked.is_right(claim), said, without))
+                    one = Lowered(number, asked.is_right(claim), reasons[-1]["after"], without(reasons, k))
+                    found[reason["rule"], KINDS.get(claim["name"], "others")].append(one)
     return dict(found)
+
+
+def without(reasons: list[dict[str, Any]], rule: int) -> float:
+    """What a claim's confidence would be without the ``rule`` of this number: those after it take what they took."""
+    value = float(reasons[rule]["before"])
+    for reason in reasons[rule + 1 :]:
+        if reason["rule"] == POWER_OF:
+            value **= MAP_POWER
+        elif reason["before"]:
+            value *= reason["after"] / reason["before"]
+    return min(SUREST, value)
 
 
 def measured(cases: list[Judged]) -> tuple[int, int]:

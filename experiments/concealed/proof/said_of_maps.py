@@ -2,8 +2,9 @@
 
 RESULTS are folders of opened samples. Of every field claimed where one of its name is hidden: the confidence that the
 map is right over the whole sheet and the correlation with the true field there, and the same where the map says that it
-is known. Below, how many are right, how many were expected to be, and the sum of squares that the confidences missed by
-(Brier's score times their number).
+is known (over the whole sheet where that is fewer than five sensing points; old diagnoses, which don't state both, say
+how sure the name is). Below, how many are right, how many were expected to be, and the sum of squares that the
+confidences missed by (Brier's score times their number).
 """
 
 from __future__ import annotations

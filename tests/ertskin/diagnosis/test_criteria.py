@@ -110,6 +110,6 @@ def test_a_verdict_is_made_by_them() -> None:
 
 def test_a_name_is_as_sure_as_they_allow() -> None:
     short = (("piezo_creep", 10.0),)
-    assert confidences(short, DEFAULT)[0] == pytest.approx(1 / (1 + np.exp(-2)))
+    assert confidences(short, DEFAULT)[0] == pytest.approx(1 / (1 + np.exp(-10.0 / DEFAULT.evidence_discount)))
     assert confidences(short, Criteria(evidence_discount=1.0))[0] == DEFAULT.surest_confidence
     assert confidences(short, Criteria(evidence_discount=1.0, surest_confidence=0.8))[0] == 0.8

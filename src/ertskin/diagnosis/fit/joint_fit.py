@@ -178,9 +178,8 @@ class VoltageProblem:
         specimen_columns = np.zeros((len(specimen), count))
         instrument = [k for k in range(layout.calibration, count) if layout.is_instrument(k)]
         # Column by column: numbers written far from one another take longer than what they come from.
-        leftover_columns = np.zeros((len(instrument), *(() if leftover is None else leftover.shape)))
-        counted = 0 if leftover is None else leftover_columns.size
-        self.evidence.work.add(columns.size * self.linear.instants(skin) + counted)
+        leftover_columns = np.zeros((len(instrument), *((0,) if leftover is None else leftover.shape)))
+        self.evidence.work.add(columns.size * self.linear.instants(skin) + leftover_columns.size)
         electrodes = self.evidence.protocol.electrodes
         columns[..., 1 : 1 + electrodes] = self.evidence.discounted(self.contact_columns(skin))
         known = self._known_columns(layout)

@@ -48,12 +48,13 @@ class OtherForm:
 
 def other_forms(entered: Trial, trials: Sequence[Trial], rivals: Rivals, fixed: int) -> list[OtherForm]:
     """The best trial in every other form of few numbers of what entered that gains nearly as much as it; of a smooth
-    field the best of few numbers of another effect that is no field, where it gains enough."""
+    field the best of an effect that is no field and not there yet, where it gains enough."""
     if entered.term.modes is not None:
-        of_few = [one for one in trials if one.term.modes is None and not one.term.effect.hypothesis.field]
-        best = max(of_few, key=lambda one: one.gain, default=entered)
-        enough = best is not entered and best.gain >= BEFORE_FIELD * entered.gain
-        return [OtherForm(best, short_of(best, trials), fixed, entered.term)] if enough else []
+        present = {term.name for term in entered.solved.terms}
+        new = [one for one in trials if one.term.name not in present and not one.term.effect.hypothesis.field]
+        best = max(new, key=lambda one: one.gain, default=None)
+        enough = best is not None and best.gain >= BEFORE_FIELD * entered.gain
+        return [OtherForm(best, short_of(best, trials), fixed, entered.term)] if best is not None and enough else []
     found = {law_of(entered.term): entered}
     for trial in trials:
         alike = trial.term.name == entered.term.name and trial.term.modes is None
@@ -66,7 +67,7 @@ def may_be_likelier(
     fit: CheckedFit, incumbent: CheckedFit, form: OtherForm, least: float, partitions: Sequence[Sequence[int]]
 ) -> bool:
     """Whether a fit with another ``form`` is expected to be likelier than the incumbent by more than the ``least`` with
-    the likeliest candidate more; before a field, whether it is with a field of that kind beside it."""
+    the likeliest candidate more; before a field, whether it is likelier at all with a field of that kind beside it."""
     if form.field is not None:
         return promises(incumbent, fit, form.field, partitions)
     found = screen(fit.problem, fit.problem.at_hand(fit.solved), partitions)

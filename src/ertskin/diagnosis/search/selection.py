@@ -347,8 +347,8 @@ class _Search:
         return chosen, incumbent
 
     def _in_form(self, incumbent: CheckedFit, form: OtherForm) -> CheckedFit | None:
-        """The fit with an effect of the incumbent in another form, and what came before it; None where that isn't
-        another one by now, or settles nowhere."""
+        """The fit with an effect of the incumbent in another form, or one before its field, and what came before it;
+        None where that isn't another one by now, or settles nowhere."""
         if not form.may_replace(incumbent.solved.terms, self.fixed):
             return None
         fit = where_it_settles(self.build, None, form.trial.solved)

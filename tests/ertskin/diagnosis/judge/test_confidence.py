@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from dataclasses import replace
 from types import SimpleNamespace
+from typing import Any
+from unittest.mock import MagicMock
 
 import numpy as np
 import pytest
 
 from ertskin.diagnosis.contract.claims import Claim, Reason
 from ertskin.diagnosis.criteria import DEFAULT
-from ertskin.diagnosis.judge.answer import _instrument_claims
+from ertskin.diagnosis.force.claims import ForceAnswer
+from ertskin.diagnosis.judge.answer import Case, _depends_on, _instrument_claims, _verdict
 from ertskin.diagnosis.judge.confidence import (
     AT_ONCE,
     at_once,
@@ -38,6 +41,9 @@ from ertskin.physics.effects.piezo_inhomogeneity import PiezoInhomogeneity
 from ertskin.physics.effects.scan_skew import ScanSkew
 from ertskin.physics.effects.sheet_anisotropy import SheetAnisotropy
 from ertskin.physics.effects.sheet_inhomogeneity import SheetInhomogeneity
+
+ODDS = DEFAULT.significant_gain / DEFAULT.evidence_discount
+"""Logarithm of the odds for a name against what has none and gains nothing."""
 
 
 def claim(effect: Effect, alone: float) -> Claim:
@@ -96,7 +102,7 @@ def test_a_memory_is_as_sure_as_what_lags_makes_it() -> None:
     claims = [claim(PiezoCreep(fraction=0.1), 2.0), claim(PiezoHysteresis(width=0.1), 2.0)]
     assert at_once(claims, [200.0, None], DEFAULT)[0].confidence == pytest.approx(0.95)
     creep, loop = at_once(claims, [0.0, None], DEFAULT)
-    assert creep.confidence == pytest.approx(0.95 / (1 + np.exp(3.0)))
+    assert creep.confidence == pytest.approx(0.95 / (1 + np.exp(ODDS)))
     assert creep.alternatives == ((AT_ONCE, pytest.approx(0.95 - creep.confidence)),)
     assert loop == claims[1]
 
@@ -105,7 +111,7 @@ def test_foam_that_gives_way_is_doubted_where_the_sheet_feels_what_the_load_cell
     foam = claim(NonlinearFoam(stiffening=-0.1), 2.0)
     sure, even, doubted = misreading([replace(foam, misread=gain) for gain in (-80.0, 0.0, 80.0)], DEFAULT)
     assert sure.confidence == pytest.approx(0.95)
-    assert even.confidence == pytest.approx(0.95 / (1 + np.exp(-3.0)))
+    assert even.confidence == pytest.approx(0.95 / (1 + np.exp(-ODDS)))
     assert doubted.confidence < 1e-4
     assert misreading([foam], DEFAULT) == [foam]
 
@@ -221,3 +227,17 @@ def test_a_rule_that_makes_a_claim_less_sure_leaves_its_reason() -> None:
     found = reasoned(before, after, "left_over", "part of the misfit stays")
     assert [claim.reasons for claim in found] == [(Reason("left_over", 0.9, 0.6, "part of the misfit stays"),), ()]
     assert found[0].as_builtins()["reasons"][0]["after"] == 0.6
+
+
+@pytest.mark.parametrize(("gain", "misread"), [(20.0, True), (10.0, False), (None, False)])
+def test_a_load_cell_that_misreads_is_said_and_nothing_is_wholly_explained(gain: float | None, misread: bool) -> None:
+    foam = replace(claim(NonlinearFoam(stiffening=-0.1), 2.0), misread=gain, by_force=True)
+    case: Any = MagicMock(criteria=DEFAULT, instrument_off=False, faulty=(), repeating=(), noisy={})
+    case.force = ForceAnswer((foam,), 0.03, 0.01, off=False)
+    case.found = MagicMock(ratio_before=1.0, ratio_after=1.0)
+    case.misread = Case.misread.fget(case)  # type: ignore[attr-defined]
+    case.selection.specimen = None
+    case.evidence.criteria = DEFAULT
+    assert case.misread is misread
+    assert _verdict(case, [foam], False) == ("partly_explained" if misread else "explained")
+    assert _depends_on(case, [], "explained", False, []) == (("force",) if misread else ())

@@ -22,6 +22,7 @@ from ertskin.diagnosis.search.other_forms import OtherForm, may_be_likelier, oth
 from ertskin.diagnosis.search.trials import Trial
 from ertskin.physics.effects.contact_pressure_dependence import ContactPressureDependence
 from ertskin.physics.effects.indenter_offset import IndenterOffset
+from ertskin.physics.effects.piezo_inhomogeneity import PiezoInhomogeneity
 from ertskin.physics.effects.sheet_inhomogeneity import SheetInhomogeneity
 
 ALIKE = Term(ContactPressureDependence(evenly=True), ("sensitivity_per_pa",))
@@ -37,6 +38,7 @@ class Modes:
 
 SPOT = Term(SheetInhomogeneity(), ("amplitude",))
 FIELD = replace(SPOT, modes=Modes())  # type: ignore[arg-type]
+OTHER_FIELD = replace(FIELD, effect=PiezoInhomogeneity())
 
 
 def trial(term: Term, gain: float) -> Trial:
@@ -71,13 +73,20 @@ def test_the_best_of_every_law_that_gains_nearly_as_much_is_kept(others: list[Tr
     assert all((one.rivals, one.fixed) == (rivals, 3) for one in found)
 
 
+def test_what_is_there_already_does_not_come_before_a_field_once_more() -> None:
+    entered, there = trial(FIELD, 100.0), trial(OFFSET, 80.0)
+    entered.solved.terms = (OFFSET, FIELD)  # type: ignore[misc]
+    found = other_forms(entered, [entered, there, trial(UNEVEN, 40.0)], (), 0)
+    assert [one.trial.term for one in found] == [UNEVEN]
+
+
 @pytest.mark.parametrize(
     ("others", "kept"),
     [
         ([trial(UNEVEN, 40.0), trial(ALIKE, 45.0), trial(OFFSET, 20.0)], [1]),
         ([trial(OFFSET, 20.0)], []),
         ([trial(SPOT, 90.0)], []),
-        ([trial(replace(UNEVEN, modes=Modes()), 90.0)], []),  # type: ignore[arg-type]
+        ([trial(OTHER_FIELD, 90.0)], []),
     ],
     ids=["the best", "one that gains too little", "a spot", "another smooth field"],
 )
