@@ -199,8 +199,8 @@ class Effect:
         return None
 
     def misread(self) -> dict[str, float]:
-        """What parameters that readings tell would be if the sheet felt what the load cell, at a stop or its limit,
-        doesn't show: then not the foam makes forces small. None of what makes no force small so."""
+        """Parameters that the readings tell, as they would be if the sheet felt the whole force and the load cell, at a
+        stop or its limit, showed too little; none of an effect that makes forces no smaller than that."""
         return {}
 
 

@@ -23,8 +23,8 @@ Indices = NDArray[np.intp]
 SUPPORT_SHARE = 1e-3
 """Part of the support's stiffness by which it may be off where an effect is fitted in another's stead."""
 FELT_ERROR = 0.1
-"""By how much a foam's form moves the share of its force that the sheet seems not to feel: the rms by which 44 true
-foams of thirty-one opened samples and `final310`, known to 0.3 at least, were off (0.14), less what it was known to."""
+"""By how much a foam's form moves the share of its force that the sheet seems not to feel, rounded up: 44 true foams of
+thirty-one opened samples and `final310` were off by 0.13 (rms), known to 0.10; 0.09 is left (`proof/felt_share.py`)."""
 
 
 @dataclass(frozen=True)
