@@ -54,7 +54,7 @@ def test_what_stays_unexplained_is_shared_by_all_but_the_load_cells_names() -> N
     claims = [claim(SheetAnisotropy(stretch_x=0.1), 2.0), claim(NonlinearFoam(stiffening=0.5), 2.0)]
     assert left_over(claims, 3.0, 1.0, DEFAULT) == claims
     lowered, kept = left_over(claims, 3.0, 2.236, DEFAULT)
-    assert lowered.confidence == pytest.approx(0.95 * 0.302, abs=0.01)
+    assert lowered.confidence == pytest.approx(0.95 * 0.302**2, abs=0.01)
     assert kept.confidence == 0.95
 
 
@@ -94,7 +94,7 @@ def test_a_field_answers_for_presses_that_nobody_could_predict() -> None:
 def test_where_presses_land_answers_for_misfit_as_any_place_does() -> None:
     claims = [claim(IndenterOffset(dx_m=1e-3), 2.0), claim(NonlinearFoam(stiffening=0.5), 2.0)]
     landing, foam = left_over(claims, 3.0, 2.236, DEFAULT)
-    assert landing.confidence == pytest.approx(0.95 * 0.302, abs=0.01)
+    assert landing.confidence == pytest.approx(0.95 * 0.302**2, abs=0.01)
     assert foam.confidence == 0.95
 
 
@@ -120,7 +120,7 @@ def test_names_of_the_instrument_answer_for_what_no_network_explains() -> None:
     claims = [claim(ChannelGain(channel=3, gain=0.1), 2.0), claim(SheetAnisotropy(stretch_x=0.1), 2.0)]
     assert left_beyond(claims, 3.0, 1.0, DEFAULT) == claims
     lowered, kept = left_beyond(claims, 3.0, 2.236, DEFAULT)
-    assert lowered.confidence == pytest.approx(0.95 * 0.302, abs=0.01)
+    assert lowered.confidence == pytest.approx(0.95 * 0.302**2, abs=0.01)
     assert kept.confidence == 0.95
 
 
