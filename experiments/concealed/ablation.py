@@ -76,14 +76,8 @@ RULES: dict[str, Rule] = {
         (
             f"{SEARCH}.smooth_fields.log_misfit",
             f"{FIT}.cross_validation.log_misfit",
-            f"{SEARCH}.predictive_check.log_misfit",
         ),
         lambda cost, numbers: float(cost.sum()),
-    ),
-    "predictive_check": Rule(
-        "terms with which cells held out are predicted worse than without go",
-        ("ertskin.diagnosis.skin.that_predicts",),
-        lambda selection, partitions: selection,
     ),
     "nominal_again": Rule(
         "a fit whose ratio of moduli has gone far is begun again from nominal",
@@ -129,11 +123,6 @@ RULES: dict[str, Rule] = {
         "of smooth fields of two properties that gain alike the one enters that predicts cells better",
         (f"{SEARCH}.entering._of_another_property",),
         lambda field, trial, gain: False,
-    ),
-    "unforeseen": Rule(
-        "effects of which the screen predicts harm are fitted where nothing else enters",
-        (f"{SEARCH}.trials.unforeseen",),
-        lambda problem, current, found, partitions: [],
     ),
     "lower_first": Rule(
         "a first name where little is missing needs to gain less",

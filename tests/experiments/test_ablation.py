@@ -54,10 +54,10 @@ def test_a_rule_has_its_line_once_all_its_recordings_are_there(tmp_path: Path, m
     monkeypatch.setattr(ablation, "read_recording", lambda path: None)
     monkeypatch.setattr(ablation, "diagnose", lambda *given: SimpleNamespace(diagnosis=said))
     ablation.answer(recordings[0], "freed", tmp_path / "out")
-    text = table(tmp_path / "out", tmp_path, recordings, ["freed", "predictive_check"])
+    text = table(tmp_path / "out", tmp_path, recordings, ["freed", "form_error"])
     assert "`freed`" in text
     assert "1.010" in text
-    assert "predictive_check" not in text
+    assert "form_error" not in text
     monkeypatch.setattr(ablation, "diagnose", lambda *given: pytest.fail("diagnosed again"))
     ablation.answer(recordings[0], "freed", tmp_path / "out")
 

@@ -24,7 +24,6 @@ from nameless_discrepancy import by_nothing, nameless
 from selectors_of_effects import _akaike_weight
 from small_skin import FOUR_PRESSES, SMALL, four_presses, small_law, small_sensor
 
-from ertskin.diagnosis import skin as whole_diagnosis
 from ertskin.diagnosis.contract.claims import Claim, Diagnosis, HeldOut
 from ertskin.diagnosis.fit.joint_fit import VoltageProblem
 from ertskin.diagnosis.fit.solved import Solved
@@ -259,22 +258,6 @@ def test_akaike_weights_are_shares() -> None:
     weights = [_akaike_weight(one, tried) for one in tried]
     assert sum(weights) == pytest.approx(1.0)
     assert weights[1] / weights[0] == pytest.approx(np.exp(-1))
-
-
-def test_no_guard_of_the_diagnosis_takes_a_rival_s_names(monkeypatch: pytest.MonkeyPatch) -> None:
-    for name in ("_building", "_start", "_partitions"):
-        monkeypatch.setattr(whole_diagnosis, name, lambda *given: None)
-    monkeypatch.setattr(whole_diagnosis, "that_predicts", lambda found, partitions: f"{found}, guarded")
-    baseline = SimpleNamespace(skin=SimpleNamespace(effects=()), specimen_findings=(), displaced=None)
-
-    def own(*given: object) -> str:
-        return "own"
-
-    evidence = SimpleNamespace(history=SimpleNamespace(press=np.arange(FOUR_PRESSES)))
-    given: tuple[Any, ...] = (evidence, baseline, None, np.arange(FOUR_PRESSES))
-    assert whole_diagnosis._selected(*given, own, silent) == "own"  # type: ignore[arg-type,comparison-overlap]
-    monkeypatch.setattr(whole_diagnosis, "select", own)
-    assert whole_diagnosis._selected(*given, own, silent) == "own, guarded"  # type: ignore[arg-type,comparison-overlap]
 
 
 # command

@@ -33,7 +33,6 @@ from ertskin.diagnosis.recording.work import Work
 from ertskin.diagnosis.rest.baseline import Baseline, calibrated
 from ertskin.diagnosis.search.chosen import Selection
 from ertskin.diagnosis.search.form_error import form_error
-from ertskin.diagnosis.search.predictive_check import that_predicts
 from ertskin.diagnosis.search.selection import Report, select, selected_again
 from ertskin.diagnosis.search.trials import rms_of
 from ertskin.diagnosis.specimen.fit import SpecimenFinding
@@ -171,7 +170,7 @@ def _fitted_to(
 
     if any(term.modes is not None for term in selection.after.terms):
         partitions = _partitions(folds_of(evidence.history.press[rows], FOLDS))
-        return that_predicts(selected_again(selection, build, partitions, _silent), partitions)
+        return selected_again(selection, build, partitions, _silent)
     checked = settled(build, selection.after)
     problem, after = exact(checked.problem, checked.solved)
     return replace(selection, after=after, problem=problem)
@@ -225,9 +224,7 @@ def _selected(
     fixed = [Term(e, e.hypothesis.also_in_readings) for e in baseline.skin.effects]
     partitions = _partitions(folds_of(evidence.history.press[fitted], FOLDS))
     shown = begun or _likeliest(_shown(evidence, baseline), build, fixed, start)
-    found = selector(build, fixed, shown, start, partitions, report)
-    # Another way to choose answers for what it chooses itself.
-    return that_predicts(found, partitions) if selector is select else found
+    return selector(build, fixed, shown, start, partitions, report)
 
 
 def _shown(evidence: Evidence, baseline: Baseline) -> list[Shown]:

@@ -40,12 +40,6 @@ def numbers_of(problem: VoltageProblem, partitions: Sequence[Sequence[int]]) -> 
     return problem.evidence.scan_v.shape[1] * np.array([fitted[list(out)].sum() for out in partitions], dtype=float)
 
 
-def scans_by_part(problem: VoltageProblem, solved: Solved, partitions: Sequence[Sequence[int]]) -> Array:
-    """(len(partitions),) half chi-square of the cells' scans as fitted."""
-    of_frame = 0.5 * (solved.scan_residual**2).sum(axis=1)
-    return np.array([of_frame[np.isin(problem.cells, out)].sum() for out in partitions])
-
-
 def refitted(problem: VoltageProblem, solved: Solved, partitions: Sequence[Sequence[int]]) -> Array:
     """(len(partitions),) half chi-square of the cells' scans, each part held out and predicted by the same terms fitted
     to the rest."""

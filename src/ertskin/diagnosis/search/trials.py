@@ -61,7 +61,7 @@ def trials_of(
     settle: Settle = lambda solved: None,
 ) -> Iterator[list[Trial]]:
     """The likeliest candidates of those ``found``, fitted, list by list, each for where nothing of those before enters,
-    best first: the instrument, others, more of the instrument's names at hand, what the screen says nothing of.
+    best first: the instrument, others, more of the instrument's names at hand.
 
     A further name gains what it gains beyond the form error of the terms at hand, which itself would gain ``left``.
     ``settle`` linearises about a fit that has gone far: the first candidate of few numbers, where it doesn't gain what
@@ -71,33 +71,6 @@ def trials_of(
     present = {term.name for term in current.terms}
     for listed in _worth_trying(problem, found, present, least):
         yield _in_order(_try(problem, current, _different(listed), partitions, left, settle), current)
-    yield unforeseen(problem, current, found, partitions)
-
-
-def unforeseen(
-    problem: VoltageProblem, current: Solved, found: Sequence[Candidate], partitions: Sequence[Sequence[int]]
-) -> list[Trial]:
-    """Effects screened as a whole of which that predicts harm, fitted from all their starts, best first; none where
-    little is left.
-
-    A contact whose conductance a press multiplies is so far from a contact without that a first order says nothing. One
-    about nothing at all, as others are screened, says what a little of them would do.
-    """
-    if rms_of(current) <= problem.evidence.criteria.mismatch_ratio:
-        return []
-    least, sensor, protocol = worth_a_name(problem, current), problem.evidence.sensor, problem.evidence.protocol
-    harmful = {c.name: type(c.term.effect) for c in found if c.gain < -least and not _of_instrument(c.term)}
-    trials = []
-    for kind in harmful.values():
-        if kind.hypothesis.field or any(c.name == kind.name and c.gain > least for c in found):
-            continue
-        for start in kind.reading_starts(sensor, protocol):
-            if start.along:
-                continue
-            solved = problem.solve([*current.terms, Term(start.effect, start.free)], current.calibration)
-            gain = gained(current, solved, partitions, problem.evidence.criteria)
-            trials.append(Trial(solved.terms[-1], gain, solved))
-    return _in_order(trials, current)
 
 
 def worth_a_name(problem: VoltageProblem, current: Solved) -> float:
