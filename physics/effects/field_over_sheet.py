@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Self
+from typing import ClassVar, Self
 
 import numpy as np
 
@@ -42,6 +42,9 @@ class FieldOverSheet(Effect):
     width_m: float = parameter("m", 2e-3, 1.0, 6e-3, 2e-3, "the line's width", defining=False)
     edge_m: float = parameter("m", 5e-4, 0.1, 2e-3, 1e-3, "how softly line and step begin", defining=False)
     nodes: Nodes = ()
+
+    has_a_mean: ClassVar[bool] = True
+    """Whether a factor alike everywhere is anything but what the calibration fits as well."""
 
     def logarithm(self, position_m: Array, extent_m: Array) -> Array:
         """(N,) natural logarithm of the factor at positions (N,2) of a sheet with the box ``extent_m`` (2,2)."""

@@ -19,6 +19,7 @@ class SheetInhomogeneity(FieldOverSheet, SheetEffect):
     name: ClassVar[str] = "sheet_inhomogeneity"
     source: ClassVar[str] = "Coating thickness of conductive fabric; log-normal so that it stays positive"
     hypothesis: ClassVar[Hypothesis] = Hypothesis((Axis.PLACE,), (Signal.READINGS,), (), field=True)
+    has_a_mean: ClassVar[bool] = False
 
     def conductivity_s(self, conductivity_s: Array, position_m: Array, extent_m: Array) -> Array:
         factor = np.exp(-self.logarithm(position_m, extent_m))

@@ -257,13 +257,24 @@ class Process:
     gain: float
 
     def of(self, term: Term, extent_m: Array) -> list[Term]:
-        """The term with a smooth field in these modes, in each way in which that may begin, or as it is."""
-        modes = Modes(self.modes.T.reshape(-1, *node_shape(extent_m)), self.half, self.spread)
-        farthest = float(np.abs(self.modes @ self.sizes).max())
+        """The term with a smooth field in these modes, in each way in which that may begin, or as it is.
+
+        A mean that the calibration makes up for is left to it: as each mode has one, whatever a field's shape asks for
+        would take calibration and field far apart, where the skin, linearised, is another one.
+        """
+        told = cast(FieldOverSheet, term.effect).has_a_mean
+        flat, half = (self.modes, self.half) if told else (_of_no_mean(self.modes), _of_no_mean(self.half))
+        modes = Modes(flat.T.reshape(-1, *node_shape(extent_m)), half, self.spread)
+        farthest = float(np.abs(flat @ self.sizes).max())
         sizes = tuple(map(float, self.sizes * min(1.0, FARTHEST / max(farthest, 1e-12))))
         begun = beginnings(term) if term.modes is None else [term]
         smooth = (replace(one, modes=modes, sizes=sizes) for one in begun)
         return [one.at(one.start) for one in smooth]
+
+
+def _of_no_mean(fields: Array) -> Array:
+    """Fields (M,K) by their values at the nodes, each about its mean."""
+    return np.asarray(fields - fields.mean(axis=0))
 
 
 class _Told(NamedTuple):
