@@ -44,7 +44,7 @@ class FieldOverSheet(Effect):
     nodes: Nodes = ()
 
     has_a_mean: ClassVar[bool] = True
-    """Whether a factor alike everywhere is anything but what the calibration fits as well."""
+    """False where the calibration makes up for a factor alike everywhere."""
 
     def logarithm(self, position_m: Array, extent_m: Array) -> Array:
         """(N,) natural logarithm of the factor at positions (N,2) of a sheet with the box ``extent_m`` (2,2)."""

@@ -6,7 +6,8 @@ every diagnosis, so that the same command goes on where it stopped. Asked again 
 compounds of which a name, wasn't right: by the code at hand with all names, and where that doesn't name them right
 either with those hidden alone. What comes out right then was lost by the choice of names; what doesn't is not in what
 the presses show, or not in the model's forms and maps. It is no bound of a diagnosis as a whole: names without rivals
-are surer than they may be, and pads found out of place at rest and contacts that wander are looked for all the same.
+are surer than they may be, and pads found out of place at rest, contacts that wander and a converter's limit are looked
+for all the same. OUT is for one state of the code: what lies there isn't made again.
 """
 
 from __future__ import annotations

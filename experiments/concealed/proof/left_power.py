@@ -5,18 +5,21 @@
 claim that isn't a field and that ``left_over`` or ``left_beyond`` lowered: the logarithm of how likely it is that those
 right are right and those wrong are wrong, and the squares that their confidences miss by, were that part taken to each
 power. Claims of one recording, contacts that wander above all, are right or wrong together, which this doesn't know.
+Then the rows of the score as the diagnoses said and with these claims' shares squared.
 """
 
 from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from judged import Judged
 from lowered import KINDS, SUREST
 from opened_sample import asked_for
+from rows import FormClasses, calibration_error, reliability, rows
 
 RULES = "left_over", "left_beyond"
 POWERS = np.arange(0.0, 8.01, 0.5)
@@ -60,8 +63,23 @@ def likely(claims: Sequence[Lowered], power: float) -> tuple[float, float]:
     return float(np.log(np.where(right > 0, sure, 1 - sure)).sum()), float(((sure - right) ** 2).sum())
 
 
+def squared(case: Judged) -> Judged:
+    """The case with the shares of such claims squared in what its diagnosis says."""
+    effects = [_squared(one) for one in case.diagnosis.get("effects") or []]
+    return replace(case, diagnosis={**case.diagnosis, "effects": effects})
+
+
+def _squared(claim: dict[str, Any]) -> dict[str, Any]:
+    share = (
+        1.0 if KINDS.get(claim["name"]) == "fields" else float(np.prod([*_shares(claim.get("reasons") or []).values()]))
+    )
+    stated = {key: share * claim[key] for key in ("confidence", "confidence_everywhere") if key in claim}
+    return {**claim, **stated}
+
+
 def main() -> int:
-    claims = lowered(asked_for(__doc__))
+    cases = asked_for(__doc__)
+    claims = lowered(cases)
     print("| claims | right | wrong | likeliest power | within half a nat | by 1: nats, squares missed | by 2 |")
     print("| --- " * 7 + "|")
     for kind in dict.fromkeys(sorted(one.kind for one in claims)):
@@ -72,6 +90,13 @@ def main() -> int:
         cells = [f"{nat:.1f}, {square:.1f}" for nat, square in (likely(mine, 1.0), likely(mine, 2.0))]
         best = f"{POWERS[nats.argmax()]:g} | {near.min():g} to {near.max():g}"
         print(f"| {kind} | {right} | {len(mine) - right} | {best} | {' | '.join(cells)} |")
+    after = [squared(case) for case in cases]
+    print("\n| | as said | squared |\n| --- | --- | --- |")
+    for said, then in zip(rows(cases, FormClasses({})), rows(after, FormClasses({})), strict=True):
+        if said.total != then.total:
+            print(f"| {said.label} | {said.total.hits:g}/{said.total.count} | {then.total.hits:g}/{then.total.count} |")
+    errors = [calibration_error(reliability(each)) or 0.0 for each in (cases, after)]
+    print(f"| calibration error | {errors[0]:.3f} | {errors[1]:.3f} |")
     return 0
 
 

@@ -19,8 +19,9 @@ Array = NDArray[np.float64]
 class Modes:
     """Fields over the sheet by their ``nodes`` (K,rows,columns): sums of them in which each has unit variance, and no
     mean, are what is expected of a field beforehand. They are the larger part of a process, of standard deviation
-    ``spread``: ``half`` (M,J) is half of its covariance, of unit variance. ``by_place``: of what places pressed differ
-    by alone, which tells of no other place."""
+    ``spread``: ``half`` (M,J) is half of its covariance, of unit variance; both before its mean over the nodes is taken
+    off, where the effect has none. ``by_place``: of what places pressed differ by alone, which tells of no other
+    place."""
 
     nodes: Array
     half: Array = field(default_factory=lambda: np.zeros((1, 0)))

@@ -24,7 +24,8 @@ of 21 below 0.95 had the right map, 9 of 11 above it: the likeliest power is 5.5
 LEFT_POWER = 2.0
 """To what power the part of a misfit that a name explains, no field's, makes it less sure. Of 88 such claims in the
 thirteen sealed samples since `twentieth48` and a whole suite (`experiments/concealed/proof/left_power.py`) 31 are
-right: 2 is 8.5 nats likelier than 1. Before, when searches missed more of what is beside a right name, 1 was."""
+right: 2 is 8.5 nats likelier than 1, half of it by contacts that wander, which are right or wrong together. Before,
+when searches missed more of what is beside a right name, 1 was."""
 
 AT_ONCE = "another static law"
 """What a memory's alternative without any lag is called."""
@@ -141,7 +142,8 @@ def noisy(claims: Sequence[Claim], channels: Collection[int], criteria: Criteria
 
 
 def left_over_of_force(claims: Sequence[Claim], before: float, after: float, criteria: Criteria) -> list[Claim]:
-    """The same for claims that the load cell made, with its misfits over its noise, where what is left is sure."""
+    """Claims that the load cell made lose confidence with the part of its misfit (rms over its noise) that they leave,
+    where that is sure; by the part itself, no power of it."""
     return [replace(c, confidence=c.confidence * explained(before, after, criteria)) for c in claims]
 
 

@@ -52,10 +52,10 @@ def ratio_with_what_is_unknown(problem: VoltageProblem, solved: Solved, after: A
 @dataclass(frozen=True, eq=False)
 class Known:
     """What a fit leaves of a smooth field's logarithm at N points: its covariance (N,N), and its standard deviation
-    beforehand."""
+    (N,) beforehand."""
 
     covariance: Array
-    spread: float
+    spread: Array
 
     @property
     def error(self) -> Array:
@@ -74,8 +74,9 @@ def known_at(solved: Solved, extent_m: Array, point_m: Array) -> dict[str, Known
     inflation = max(1.0, float((solved.scan_residual**2).mean()))
     for number, covariance in _covariances(solved, inflation):
         design = field_design(node_shape(extent_m), point_m, extent_m)
-        term = solved.terms[number]
-        found[term.name] = Known(design @ covariance @ design.T, cast(Modes, term.modes).spread)
+        modes = cast(Modes, solved.terms[number].modes)
+        beforehand = modes.spread * np.linalg.norm(design @ modes.half, axis=1)
+        found[solved.terms[number].name] = Known(design @ covariance @ design.T, beforehand)
     return found
 
 

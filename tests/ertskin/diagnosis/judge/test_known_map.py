@@ -121,7 +121,7 @@ def selection_of(effect: Effect, pressed: Array, monkeypatch: pytest.MonkeyPatch
     monkeypatch.setattr(
         known_map,
         "known_at",
-        lambda solved, extent_m, point_m: {effect.name: Known(1e-6 * np.eye(len(point_m)), 0.3)},
+        lambda solved, extent_m, point_m: {effect.name: Known(1e-6 * np.eye(len(point_m)), np.full(len(point_m), 0.3))},
     )
     problem = SimpleNamespace(evidence=SimpleNamespace(sensor=SENSOR))
     term = SimpleNamespace(name=effect.name, effect=effect, modes="modes")
