@@ -35,8 +35,8 @@ SLOPE = SheetInhomogeneity(gradient_x=0.05)
 
 @pytest.fixture(autouse=True)
 def noisy(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Readings a thousand times their noise, as instruments take them."""
-    monkeypatch.setattr(small_problem, "NOISE_V", 1e-3)
+    """Readings two thousand times their noise, as instruments take them."""
+    monkeypatch.setattr(small_problem, "NOISE_V", 5e-4)
 
 
 def evened(hidden: Effect) -> tuple[VoltageProblem, Solved]:

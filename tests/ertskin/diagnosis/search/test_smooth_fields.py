@@ -13,6 +13,7 @@ from ertskin.diagnosis.fit import joint_fit
 from ertskin.diagnosis.fit.terms import Modes, Term
 from ertskin.diagnosis.search import smooth_fields
 from ertskin.diagnosis.search.smooth_fields import LENGTHS, NodeQuadratic, node_shape, predictive
+from ertskin.physics.effects.piezo_inhomogeneity import PiezoInhomogeneity
 from ertskin.physics.effects.sheet_inhomogeneity import SheetInhomogeneity
 from ertskin.physics.effects.smooth_field import field_at, field_design, node_position_m
 
@@ -162,7 +163,7 @@ def test_covariances_count_by_how_well_they_predict(monkeypatch: pytest.MonkeyPa
 
 def test_where_nothing_tells_the_field_stays_as_expected_beforehand() -> None:
     process = predictive(seen(hill(0.01), places(80, 0.03)), EXTENT_M, PARTITIONS)
-    (term,) = process.of(Term(SheetInhomogeneity(), ()), EXTENT_M)
+    term, *_ = process.of(Term(PiezoInhomogeneity(), ()), EXTENT_M)
     at = np.array([[0.024, 0.03], [0.058, 0.03]])
     pressed, untouched = field_at(term.effect.nodes, at, EXTENT_M)  # type: ignore[attr-defined]
     assert pressed == pytest.approx(0.2 * np.exp(-0.5 * 0.6**2), abs=0.02)
