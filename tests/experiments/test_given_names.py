@@ -69,6 +69,7 @@ def test_the_command_asks_again_for_what_a_committed_sample_missed(tmp_path: Pat
     file = tmp_path / "all/c026/diagnosis.json"
     file.parent.mkdir(parents=True)
     file.write_text(json.dumps(done))
+    (tmp_path / "c026.h5").touch()
     results = CONCEALED / "results/twentyninth32"
     command = [
         sys.executable,
@@ -84,3 +85,15 @@ def test_the_command_asks_again_for_what_a_committed_sample_missed(tmp_path: Pat
     _, _, line = ran.stdout.splitlines()
     assert line.startswith("| c026, 6 | `foam_hysteresis`/energy_unloading 1.15 | `foam_hysteresis` 0.40; 1.019 | ")
     assert line.endswith(" |  | right now |")
+
+
+@pytest.mark.parametrize(
+    ("sample", "says"), [("twentyninth32", "no recording of c002, "), ("nowhere", "found no such file")]
+)
+def test_what_is_not_there_is_said_in_a_line(tmp_path: Path, sample: str, says: str) -> None:
+    results = CONCEALED / "results" / sample
+    command = [sys.executable, CONCEALED / "proof/given_names.py", results, tmp_path, tmp_path]
+    ran = subprocess.run(command, capture_output=True, text=True)
+    assert ran.returncode == 2
+    assert says in ran.stderr
+    assert len(ran.stderr.splitlines()) == 1

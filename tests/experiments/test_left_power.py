@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 from judged import Judged
-from left_power import Lowered, likely, lowered
+from left_power import Lowered, likely, lowered, squared
 
 CONCEALED = Path(__file__).parents[2] / "experiments/concealed"
 
@@ -47,3 +47,10 @@ def test_the_command_prints_a_committed_samples_powers() -> None:
     command = [sys.executable, CONCEALED / "proof/left_power.py", CONCEALED / "results/thirtysecond48"]
     ran = subprocess.run(command, capture_output=True, text=True, check=True)
     assert "| others | 0 | 3 | 8 | 4 to 8 | -2.8, 1.0 | -1.6, 0.6 |" in ran.stdout.splitlines()
+    assert "| families: unexplained or partly, no wrong name | 7/10 | 9/10 |" in ran.stdout.splitlines()
+
+
+def test_shares_of_claims_that_are_no_fields_are_squared() -> None:
+    creep, field = squared(case("piezo_creep", left_over=0.5)), squared(case("sheet_inhomogeneity", left_over=0.5))
+    assert creep.claims[0]["confidence"] == pytest.approx(0.2)
+    assert field.claims[0]["confidence"] == pytest.approx(0.4)

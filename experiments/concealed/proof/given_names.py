@@ -29,7 +29,8 @@ from unittest.mock import patch
 for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(variable, "1")
 
-from judged import LIKELY, Judged  # noqa: E402
+import seals  # noqa: E402
+from judged import LIKELY, DiagnosisError, Judged  # noqa: E402
 from opened_sample import METHOD, judged, opened  # noqa: E402
 
 from ertskin.diagnosis.output.diagnosis_file import finite  # noqa: E402
@@ -108,8 +109,14 @@ def main() -> int:
     parser.add_argument("--only", nargs="*", help="names of cases, all that were missed without it")
     parser.add_argument("--jobs", type=int, default=1)
     options = parser.parse_args()
-    cases = [one for one in judged(options.results, opened(options.results))[METHOD] if missed(one)]
+    try:
+        cases = [one for one in judged(options.results, opened(options.results))[METHOD] if missed(one)]
+    except (seals.SealError, DiagnosisError) as error:
+        parser.exit(2, f"{error}\n")
     cases = [one for one in cases if not options.only or one.name in options.only]
+    lacking = [one.name for one in cases if not (options.recordings / f"{one.name}.h5").is_file()]
+    if lacking:
+        parser.exit(2, f"{options.recordings}: no recording of {', '.join(lacking)}; record.py makes them\n")
     print("| case, presses | hidden, own ratio | said; left held out | now | given the names | lost by |")
     print("| --- " * 6 + "|", flush=True)
     with ProcessPoolExecutor(options.jobs, get_context("spawn")) as pool:

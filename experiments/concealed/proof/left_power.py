@@ -10,6 +10,7 @@ Then the rows of the score as the diagnoses said and with these claims' shares s
 
 from __future__ import annotations
 
+import math
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -42,17 +43,19 @@ def lowered(cases: Sequence[Judged]) -> list[Lowered]:
     found = []
     for case in cases:
         for claim in case.claims:
-            kind, shares = KINDS.get(claim["name"], "others"), _shares(claim.get("reasons") or [])
-            if kind != "fields" and shares:
-                rule = "left_beyond" if "left_beyond" in shares else kind
-                share = float(np.prod(list(shares.values())))
-                found.append(Lowered(rule, share, float(claim["confidence"]), case.is_right(claim)))
+            if shares := _shares(claim):
+                kind = "left_beyond" if "left_beyond" in shares else KINDS.get(claim["name"], "others")
+                said = float(claim["confidence"])
+                found.append(Lowered(kind, math.prod(shares.values()), said, case.is_right(claim)))
     return found
 
 
-def _shares(reasons: Sequence[dict[str, float]]) -> dict[str, float]:
-    lowering = [one for one in reasons if one["rule"] in RULES and 0 < one["after"] < one["before"]]
-    return {str(one["rule"]): one["after"] / one["before"] for one in lowering}
+def _shares(claim: dict[str, Any]) -> dict[str, float]:
+    """What each of the ``RULES`` that lowered a claim left of its confidence; nothing of a field."""
+    if KINDS.get(claim["name"]) == "fields":
+        return {}
+    reasons = [one for one in claim.get("reasons") or [] if one["rule"] in RULES and 0 < one["after"] < one["before"]]
+    return {one["rule"]: one["after"] / one["before"] for one in reasons}
 
 
 def likely(claims: Sequence[Lowered], power: float) -> tuple[float, float]:
@@ -70,9 +73,7 @@ def squared(case: Judged) -> Judged:
 
 
 def _squared(claim: dict[str, Any]) -> dict[str, Any]:
-    share = (
-        1.0 if KINDS.get(claim["name"]) == "fields" else float(np.prod([*_shares(claim.get("reasons") or []).values()]))
-    )
+    share = math.prod(_shares(claim).values())
     stated = {key: share * claim[key] for key in ("confidence", "confidence_everywhere") if key in claim}
     return {**claim, **stated}
 

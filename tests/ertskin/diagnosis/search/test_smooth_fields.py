@@ -163,6 +163,7 @@ def test_covariances_count_by_how_well_they_predict(monkeypatch: pytest.MonkeyPa
 
 def test_where_nothing_tells_the_field_stays_as_expected_beforehand() -> None:
     process = predictive(seen(hill(0.01), places(80, 0.03)), EXTENT_M, PARTITIONS)
+    # One of the sheet would leave its mean to a calibration, which these readings are without.
     term, *_ = process.of(Term(PiezoInhomogeneity(), ()), EXTENT_M)
     at = np.array([[0.024, 0.03], [0.058, 0.03]])
     pressed, untouched = field_at(term.effect.nodes, at, EXTENT_M)  # type: ignore[attr-defined]
