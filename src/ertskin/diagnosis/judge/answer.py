@@ -271,7 +271,7 @@ def _rules_of_channels(case: Case) -> list[tuple[str, str, Callable[[list[Claim]
         ),
         (
             COINCIDENCE,
-            "faults of several channels side by side are rather one that has no name",
+            "errors of so many channels, or of channels side by side, are rather one fault that has no name",
             lambda c: coincident(c, channels, criteria),
         ),
     ]
@@ -338,7 +338,9 @@ def _reason(case: Case, claims: list[Claim], jitters: bool) -> str | None:
             f"the contact of electrode {case.baseline.noise.jittering} changes between rest frames: is it loose?"
         )
     if is_one_fault(claims, case.criteria):
-        said.append("several channels side by side are off: look for one cause, such as currents that haven't settled")
+        said.append(
+            "several channels are off: look for one cause, such as currents that haven't settled or bias currents"
+        )
     if case.misread:
         said.append(MISREAD)
     by_place = [claim.effect.name for claim in claims if claim.by_place]

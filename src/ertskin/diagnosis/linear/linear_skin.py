@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from ertskin.cores import in_threads, in_threads_by_turns
 from ertskin.diagnosis.linear.elsewhere import Elsewhere
 from ertskin.diagnosis.linear.law_derivatives import conductance_by_law
+from ertskin.diagnosis.linear.pad_shunts import by_series, pad_resistances
 from ertskin.diagnosis.linear.patches import Indices, Patch, main_forms
 from ertskin.diagnosis.linear.pressed_frames import PressedFrames, motions, of_fabric
 from ertskin.diagnosis.linear.sensitivity import Potentials
@@ -77,6 +78,8 @@ class LinearSkin:
         states = StateSolver(untouched)
         self.patches, *moved = states.patches([force_n, *forces], progress or (lambda share, text: None))
         self._patches_at = dict(zip(moments, moved, strict=True))
+        self._by_series = by_series(skin.protocol)
+        self._pad_ohm = pad_resistances(skin.sheet, skin.piezo.zero_ohm_sq)
         self.sheet = WholeSheet(self.frames, self.patches)
         self._elsewhere = Elsewhere(untouched, Potentials.of(states.rest), self.patches, self.sheet)
 
@@ -101,6 +104,10 @@ class LinearSkin:
     def instants(self, skin: Skin) -> int:
         """At how many moments of every scan a skin is looked at: one, unless presses move while it is taken."""
         return max(1, len(self._moments(skin, self.force_n)))
+
+    def _factor(self, skin: Skin) -> Array:
+        """(n,) a skin's sheet resistance in the wanted frames over that linearised about."""
+        return skin.piezo.zero_ohm_sq / self.skin.piezo.zero_ohm_sq * self.frames.drift(skin)
 
     # evaluating ----------------------------------------------------------------------------------------------------
 
@@ -141,7 +148,7 @@ class LinearSkin:
 
     def _still_scans(self, skin: Skin, force_n: Array, patches: list[Patch]) -> Array:
         result = np.empty((len(self.wanted), self.protocol.orthonormal.shape[1]))
-        factor = skin.piezo.zero_ohm_sq / self.skin.piezo.zero_ohm_sq * self.frames.drift(skin)
+        factor = self._factor(skin)
         contacts = self.frames.contacts(skin, force_n, factor)
         moved = pad_shifts(skin) - pad_shifts(self.skin)
         self.frames.memory(force_n).settle(skin)
@@ -151,7 +158,7 @@ class LinearSkin:
         def one(number: int) -> None:
             patch = patches[number]
             change = self._change_of(number, patch, skin, force_n)
-            scan = patch.scans(change, patch.contacts(*contacts, self.skin.sheet))
+            scan = patch.scans(change, patch.contacts(*contacts, self.skin.sheet, self._pad_ohm))
             if broad is not None:
                 scan += broad[number][patch.state_of]
             if moved.any():
@@ -159,7 +166,7 @@ class LinearSkin:
             result[patch.rows] = scan
 
         in_threads(one, range(len(patches)))
-        return factor[:, None] * sum(elsewhere, result)
+        return factor[:, None] * sum(elsewhere, result + contacts[0] @ self._by_series.T)
 
     # derivatives by the calibration ----------------------------------------------------------------------------------
 
@@ -177,20 +184,21 @@ class LinearSkin:
 
     def _still_law_columns(self, skin: Skin, force_n: Array, patches: list[Patch], count: int) -> Array:
         result = np.zeros((len(self.wanted), self.protocol.orthonormal.shape[1], 1 + count))
-        contacts = self.frames.contacts(skin, force_n)
-        factor = skin.piezo.zero_ohm_sq / self.skin.piezo.zero_ohm_sq * self.frames.drift(skin)
+        factor = self._factor(skin)
+        ohm, share = self.frames.contacts(skin, force_n, factor)
+        # Contacts that stay as they are, in ohm, are less against a sheet of more resistance.
         result[..., 0] = self.still_scans(skin, force_n, patches)
+        result[..., 0] -= factor[:, None] * (ohm @ self._by_series.T)
         left = self._elsewhere.by_law(skin, force_n, count)
 
         def one(number: int) -> None:
             patch = patches[number]
             by_law = self._relative_by_law(number, patch, skin, force_n, count) @ patch.solutions.directions
-            mine_ohm = patch.contacts(*contacts, self.skin.sheet)
+            per_log = patch.contacts_per_logarithm(ohm, share, self.skin.sheet, self._pad_ohm)
             for k, state in enumerate(patch.states):
                 mine = np.flatnonzero(patch.state_of == k)
                 rows = patch.rows[mine]
-                # Contacts that stay as they are, in ohm, are less against a sheet of more resistance.
-                result[rows, :, 0] -= mine_ohm[mine] @ state.contact[:, : mine_ohm.shape[1]].T
+                result[rows, :, 0] -= factor[rows, None] * (per_log[mine] @ state.contact[:, : per_log.shape[1]].T)
                 result[rows, :, 1:] = (by_law[mine] @ state.local.T).transpose(0, 2, 1)
 
         in_threads(one, range(len(patches)))
@@ -287,15 +295,17 @@ class LinearSkin:
                 result[mine] = state.local @ np.tensordot(share[mine], along, 1)
             if wide is not None:
                 result[mine] += wide[k]
-        factor = skin.piezo.zero_ohm_sq / self.skin.piezo.zero_ohm_sq * self.frames.drift(skin)[patch.rows]
+        factor = self._factor(skin)[patch.rows]
         result *= factor[:, None, None].astype(np.float32)
         return cast(Array, result)  # in single precision
 
     def contact_columns(self, skin: Skin, scaled: Skin) -> NDArray[np.float32]:
         """(n,P,L) change of the scans, electrode by electrode, by contacts as of ``scaled`` instead of ``skin``."""
-        before, after = (self.frames.contacts(each, self.force_n) for each in (skin, scaled))
-        result = np.zeros((*self.wanted.shape, *self.patches[0].states[0].pads.shape[:2]), dtype=np.float32)
+        factor = self._factor(skin)
+        before, after = (self.frames.contacts(each, self.force_n, factor) for each in (skin, scaled))
+        result = (self._by_series * (after[0] - before[0])[:, None]).astype(np.float32)
         for patch in self.patches:
-            change = patch.contacts(*after, self.skin.sheet) - patch.contacts(*before, self.skin.sheet)
-            result[patch.rows] = patch.by_electrode(change)
-        return result
+            one, other = (patch.contacts(*each, self.skin.sheet, self._pad_ohm) for each in (before, after))
+            result[patch.rows] += patch.by_electrode(other - one)
+        result *= factor[:, None, None].astype(np.float32)
+        return cast(NDArray[np.float32], result)

@@ -10,6 +10,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from ertskin.diagnosis.linear.pad_shunts import conducting
 from ertskin.diagnosis.linear.sensitivity import Hats
 from ertskin.physics.conduction.sheet import SheetModel
 from ertskin.physics.skin import Skin
@@ -21,17 +22,17 @@ ALIKE = 0.05
 """States whose changes of conductance differ by less than this part share a solution."""
 CONTACTS_ALIKE = 0.3
 """Logarithms of contact resistances that differ by less share a solution where nothing presses: what a pad shunts, all
-that an electrode shows that isn't read while driven, is far from linear in its resistance."""
+that an electrode shows that isn't read while driven, follows its resistance nearly, not quite."""
 NEGLIGIBLE = 1e-5
 """Part of the largest singular value below which forms are left out of rows: single precision keeps little more."""
 
 
 @dataclass(frozen=True, eq=False)
 class State:
-    """One solution: whitened scan (P,) in volt and its derivatives.
+    """One solution: whitened scan (P,) in volt, less what contacts in series make of it, and its derivatives.
 
     ``local`` (P,R) by the relative conductance in the patch's directions; ``contact`` (P,K) by the ``contacts`` (K,)
-    as ``Patch.contacts`` has them, volt per ohm; ``pads`` (P,L,2) by their shifts, volt per metre.
+    as ``Patch.contacts`` has them; ``pads`` (P,L,2) by their shifts, volt per metre.
     """
 
     scan: Array
@@ -108,34 +109,41 @@ class Patch:
         """(m,G) relative conductance of each row's state."""
         return np.reshape([state.relative for state in self.states], (len(self.states), -1))[self.state_of]
 
-    def contacts(self, ohm: Array, share: Array | None, model: SheetModel) -> Array:
-        """(m,K) contacts of its rows, from those of all frames: their resistances (n,L), then for each electrode within
-        reach its resistance times how it leans (J,), from what the cells of the ``model``'s contacts conduct (n,C).
-        Resistances alone where every contact is even.
+    def contacts(self, ohm: Array, share: Array | None, model: SheetModel, pad_ohm: Array) -> Array:
+        """(m,K) contacts of its rows, from those of all frames: what resistances (n,L) ``conduct`` with their pads'
+        (L,), then for each electrode within reach its resistance times how it leans (J,), from what the cells of the
+        ``model``'s contacts conduct (n,C). The former alone where every contact is even.
 
         A current that flows anyway loses the less to a contact that leans the less that contact resists.
         """
         mine = ohm[self.rows]
+        shunts = conducting(mine, pad_ohm)
         if share is None:
-            return mine
+            return shunts
         each = [mine[:, k, None] * model.contacts[k].lean(share[self.rows, model.cells[k]]) for k in self.leaning]
-        return np.hstack([mine, *each])
+        return np.hstack([shunts, *each])
 
-    def by_electrode(self, change_ohm: Array) -> NDArray[np.float32]:
+    def contacts_per_logarithm(self, ohm: Array, share: Array | None, model: SheetModel, pad_ohm: Array) -> Array:
+        """(m,K) derivatives of ``contacts`` by the logarithm of all resistances."""
+        found, electrodes = self.contacts(ohm, share, model, pad_ohm), ohm.shape[1]
+        found[:, :electrodes] *= -ohm[self.rows] * found[:, :electrodes]
+        return found
+
+    def by_electrode(self, change: Array) -> NDArray[np.float32]:
         """(m,P,L) what changes of its rows' ``contacts`` (m,K) do to the scans, electrode by electrode."""
         electrodes = self.states[0].pads.shape[1]
         result = np.zeros((len(self.rows), *self.states[0].pads.shape[:2]), dtype=np.float32)
-        of_lean = np.split(np.arange(electrodes, change_ohm.shape[1]), max(len(self.leaning), 1))
+        of_lean = np.split(np.arange(electrodes, change.shape[1]), max(len(self.leaning), 1))
         for number, state in enumerate(self.states):
             mine = np.flatnonzero(self.state_of == number)
-            result[mine] = state.contact[:, :electrodes] * change_ohm[mine, None, :electrodes]
+            result[mine] = state.contact[:, :electrodes] * change[mine, None, :electrodes]
             for k, columns in zip(self.leaning, of_lean, strict=False):
-                result[mine, :, k] += change_ohm[mine][:, columns] @ state.contact[:, columns].T
+                result[mine, :, k] += change[mine][:, columns] @ state.contact[:, columns].T
         return result
 
     def scans(self, change: NDArray[np.float32], contacts: Array) -> Array:
-        """(m,P) whitened scans for a change (m,R) of the conductance in the patch's directions from the states', and
-        ``contacts`` (m,K)."""
+        """(m,P) whitened scans, less what contacts in series make of them, for a change (m,R) of the conductance in the
+        patch's directions from the states', and ``contacts`` (m,K)."""
         result = np.empty((len(self.rows), len(self.states[0].scan)))
         _from_states(result, self.state_of, *self.solutions.together, change, contacts)
         return result

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csc_array, sparray
 
 from ertskin.cores import in_threads
+from ertskin.diagnosis.linear.pad_shunts import by_series, conducting, pad_resistances
 from ertskin.diagnosis.linear.patches import Indices, Past, Patch, Solutions, State, followers, main_directions
 from ertskin.diagnosis.linear.pressed_frames import PressedFrames
 from ertskin.diagnosis.linear.sensitivity import (
@@ -87,7 +88,8 @@ class StateSolver:
     def __init__(self, sheet: UntouchedSheet) -> None:
         self.sheet, self.frames, self.skin = sheet, sheet.frames, sheet.skin
         self.protocol = self.skin.protocol
-        self._rims = PadRims(self.skin.sheet)
+        self._rims, self._by_series = PadRims(self.skin.sheet), by_series(self.protocol)
+        self._pad_ohm = pad_resistances(self.skin.sheet, self.skin.piezo.zero_ohm_sq)
         self.rest = self._solve(np.ones(len(sheet.points_m)), self.skin.contact_resistance_ohm)
 
     def patches(self, forces: Sequence[Array], progress: Progress) -> list[list[Patch]]:
@@ -182,23 +184,26 @@ class StateSolver:
         """A solution's scan and derivatives at a place, ``relative`` (G,) the conductance on its grid."""
         contacts, by_contact = self._by_contact(solution, place.leaning)
         return State(
-            self.protocol.whitened(solution.pair_resistance_ohm),
+            self.protocol.whitened(solution.pair_resistance_ohm) - self._by_series @ solution.contact_resistance_ohm,
             relative,
             contacts,
             self.sheet.by_size(solution, place.elements, place.hats, place.points),
-            self.protocol.whitened(by_contact.T).T,
+            by_contact,
             self._rims.sensitivity(solution, self.protocol),
         )
 
     def _by_contact(self, solution: Solution, leaning: Indices) -> tuple[Array, Array]:
-        """A solution's contacts (K,) as ``Patch.contacts`` has them, and the derivatives (P,K) of its pairs by them."""
+        """A solution's contacts (K,) as ``Patch.contacts`` has them, and the derivatives (P,K) of its scan by them."""
         model, ohm, share = self.skin.sheet, solution.contact_resistance_ohm, solution.share
-        by_ohm = solution.jacobian_contact_resistance()
+        conduct = conducting(ohm, self._pad_ohm)
+        by_ohm = self.protocol.whitened(solution.jacobian_contact_resistance().T).T - self._by_series
         if not len(leaning):
-            return ohm, by_ohm
+            return conduct, -by_ohm / conduct**2
         lean = np.zeros((len(leaning), model.contacts[0].form_count))
         if share is not None:
             lean = np.array([model.contacts[k].lean(share[model.cells[k]]) for k in leaning])
-        by_lean = solution.jacobian_contact_lean(leaning) / ohm[leaning, None]
+        by_pair = solution.jacobian_contact_lean(leaning) / ohm[leaning, None]
+        by_lean = np.moveaxis(self.protocol.whitened(np.moveaxis(by_pair, 0, -1)), -1, 0)
         by_ohm[:, leaning] -= (by_lean * lean).sum(axis=-1)
-        return np.append(ohm, ohm[leaning, None] * lean), np.hstack([by_ohm, by_lean.reshape(len(by_ohm), -1)])
+        contacts = np.append(conduct, ohm[leaning, None] * lean)
+        return contacts, np.hstack([-by_ohm / conduct**2, by_lean.reshape(len(by_ohm), -1)])

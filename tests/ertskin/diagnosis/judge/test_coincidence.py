@@ -1,4 +1,4 @@
-"""Several channels off side by side are rather one fault than as many."""
+"""Many channels off, or several side by side, are rather one fault than as many."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import pytest
 
 from ertskin.diagnosis.contract.claims import Claim, Estimate
 from ertskin.diagnosis.criteria import DEFAULT
-from ertskin.diagnosis.judge.coincidence import RULE, chance_of, coincident, is_one_fault
+from ertskin.diagnosis.judge.coincidence import FURTHER, RULE, chance_of, coincident, is_one_fault
 from ertskin.diagnosis.judge.confidence import reasoned
 from ertskin.physics.effects.channel_gain import ChannelGain
 from ertskin.physics.effects.effect import Effect
@@ -32,15 +32,23 @@ def test_the_chance_of_lying_together_is_that_of_all_draws() -> None:
         return min(int(np.ptp((draw - turn) % channels)) + 1 for turn in range(channels))
 
     together = np.mean([within(draw) <= 4 for draw in draws])
-    assert chance_of((8, 0, 2), channels, one_way=False) == pytest.approx(together)
-    assert chance_of((8, 0, 2), channels, one_way=True) == pytest.approx(together / 4)
-    assert chance_of((0, 3, 6), channels, one_way=False) == 1.0
+    assert chance_of((8, 0, 2), channels, one_way=False) == pytest.approx(FURTHER**2 * together)
+    assert chance_of((8, 0, 2), channels, one_way=True) == pytest.approx(FURTHER**2 * together / 4)
+    assert chance_of((0, 3, 6), channels, one_way=False) == pytest.approx(FURTHER**2)
+    assert chance_of((3,), channels, one_way=True) == 1.0
 
 
-def test_one_channel_and_two_far_apart_are_as_sure_as_before() -> None:
+def test_one_channel_is_as_sure_as_before_and_two_far_apart_nearly() -> None:
     assert coincident(gains(3), 24, DEFAULT) == gains(3)
     apart = claims_of(ChannelGain(2, gain=0.01), ChannelGain(14, gain=-0.02))
-    assert [c.confidence for c in coincident(apart, 24, DEFAULT)] == pytest.approx([0.99, 0.99], abs=1e-3)
+    assert all(0.95 < claim.confidence < 0.99 for claim in coincident(apart, 24, DEFAULT))
+
+
+def test_many_far_apart_are_rather_one_fault() -> None:
+    scattered = [ChannelGain(channel, gain=0.01 * (-1) ** channel) for channel in (0, 5, 10, 15, 20)]
+    found = coincident(claims_of(*scattered), 24, DEFAULT)
+    assert found[0].confidence < DEFAULT.doubted_share
+    assert is_one_fault(reasoned(claims_of(*scattered), found, RULE, "why"), DEFAULT)
 
 
 def test_offsets_go_one_way_by_themselves() -> None:
@@ -57,7 +65,7 @@ def test_offsets_go_one_way_by_themselves() -> None:
 def test_the_more_channels_lie_side_by_side_the_less_sure_they_are() -> None:
     sure = [coincident(gains(*range(number)), 24, DEFAULT)[0].confidence for number in (1, 2, 3, 4, 5)]
     assert sure == sorted(sure, reverse=True)
-    assert sure[1] > 0.75
+    assert sure[1] > DEFAULT.doubted_share
     assert sure[2] < DEFAULT.doubted_share
     assert sure[4] == DEFAULT.least_confidence
 
