@@ -311,9 +311,14 @@ def _verdict(case: Case, claims: list[Claim], jitters: bool) -> str:
     before = case.found.ratio_before if claims else broad_ratio(case.found.before, press) / surely
     verdict = verdict_of(before, case.found.ratio_after, bool(claims), case.criteria, mismatch)
     off = case.force.off or case.misread
-    if verdict == "explained" and (off or beyond or jitters or is_one_fault(claims, case.criteria)):
+    if verdict == "explained" and (off or beyond or jitters or _one_fault(case, claims)):
         return "partly_explained"
     return verdict
+
+
+def _one_fault(case: Case, claims: list[Claim]) -> bool:
+    """Whether errors of several channels are rather one fault without a name."""
+    return is_one_fault(claims, case.evidence.protocol.shape[1], case.criteria)
 
 
 def _left_depends_on(case: Case, tests: list[AxisTest]) -> tuple[str, ...]:
@@ -337,7 +342,7 @@ def _reason(case: Case, claims: list[Claim], jitters: bool) -> str | None:
         said.append(
             f"the contact of electrode {case.baseline.noise.jittering} changes between rest frames: is it loose?"
         )
-    if is_one_fault(claims, case.criteria):
+    if _one_fault(case, claims):
         said.append(
             "several channels are off: look for one cause, such as currents that haven't settled or bias currents"
         )

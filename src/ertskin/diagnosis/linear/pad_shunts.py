@@ -25,7 +25,11 @@ resistance."""
 
 
 def pad_resistances(model: SheetModel, sheet_ohm_sq: float) -> Array:
-    """(L,) resistance in ohm that each pad has in itself against the sheet, in series with its contact's."""
+    """(L,) resistance in ohm that each pad has in itself against the sheet, in series with its contact's.
+
+    Of a sheet as it is unpressed and on the whole; what presses and fields make of it under a pad counts to first order
+    alone.
+    """
     return sheet_ohm_sq * np.array([ON_EDGE if len(side) else INSIDE for side in model.mesh.edge])
 
 
@@ -38,3 +42,10 @@ def by_series(protocol: Protocol) -> Array:
 def conducting(contact_ohm: Array, pad_ohm: Array) -> Array:
     """(...,L) siemens: what contacts (...,L) and the pads' own resistances (L,) conduct."""
     return np.asarray(1.0 / (contact_ohm + pad_ohm))
+
+
+def uneven(contact_ohm: Array, pad_ohm: Array) -> Array:
+    """(...,L) ohm by which an uneven contact shows that it leans: its own where it resists little, for the current that
+    flows anyway loses less there, and its pad's where it resists much, for as much less is shunted as it resists more.
+    """
+    return np.asarray(contact_ohm * pad_ohm * conducting(contact_ohm, pad_ohm))

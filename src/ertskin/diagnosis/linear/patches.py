@@ -10,7 +10,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from ertskin.diagnosis.linear.pad_shunts import conducting
+from ertskin.diagnosis.linear.pad_shunts import conducting, uneven
 from ertskin.diagnosis.linear.sensitivity import Hats
 from ertskin.physics.conduction.sheet import SheetModel
 from ertskin.physics.skin import Skin
@@ -110,24 +110,24 @@ class Patch:
         return np.reshape([state.relative for state in self.states], (len(self.states), -1))[self.state_of]
 
     def contacts(self, ohm: Array, share: Array | None, model: SheetModel, pad_ohm: Array) -> Array:
-        """(m,K) contacts of its rows, from those of all frames: what resistances (n,L) ``conduct`` with their pads'
-        (L,), then for each electrode within reach its resistance times how it leans (J,), from what the cells of the
-        ``model``'s contacts conduct (n,C). The former alone where every contact is even.
-
-        A current that flows anyway loses the less to a contact that leans the less that contact resists.
+        """(m,K) contacts of its rows, from those of all frames: what resistances (n,L) and their pads' (L,) are
+        ``conducting``, then for each electrode within reach by what an ``uneven`` one shows times how it leans (J,),
+        from what the cells of the ``model``'s contacts conduct (n,C). The former alone where every contact is even.
         """
         mine = ohm[self.rows]
         shunts = conducting(mine, pad_ohm)
         if share is None:
             return shunts
-        each = [mine[:, k, None] * model.contacts[k].lean(share[self.rows, model.cells[k]]) for k in self.leaning]
+        by = uneven(mine, pad_ohm)
+        each = [by[:, k, None] * model.contacts[k].lean(share[self.rows, model.cells[k]]) for k in self.leaning]
         return np.hstack([shunts, *each])
 
     def contacts_per_logarithm(self, ohm: Array, share: Array | None, model: SheetModel, pad_ohm: Array) -> Array:
         """(m,K) derivatives of ``contacts`` by the logarithm of all resistances."""
-        found, electrodes = self.contacts(ohm, share, model, pad_ohm), ohm.shape[1]
-        found[:, :electrodes] *= -ohm[self.rows] * found[:, :electrodes]
-        return found
+        shunts, lean = np.split(self.contacts(ohm, share, model, pad_ohm), [ohm.shape[1]], axis=1)
+        forms = lean.shape[1] // max(len(self.leaning), 1)
+        part = np.repeat((pad_ohm * shunts)[:, self.leaning], forms, axis=1)
+        return np.hstack([-ohm[self.rows] * shunts**2, part * lean])
 
     def by_electrode(self, change: Array) -> NDArray[np.float32]:
         """(m,P,L) what changes of its rows' ``contacts`` (m,K) do to the scans, electrode by electrode."""

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csc_array, sparray
 
 from ertskin.cores import in_threads
-from ertskin.diagnosis.linear.pad_shunts import by_series, conducting, pad_resistances
+from ertskin.diagnosis.linear.pad_shunts import by_series, conducting, pad_resistances, uneven
 from ertskin.diagnosis.linear.patches import Indices, Past, Patch, Solutions, State, followers, main_directions
 from ertskin.diagnosis.linear.pressed_frames import PressedFrames
 from ertskin.diagnosis.linear.sensitivity import (
@@ -29,7 +29,8 @@ Array = NDArray[np.float64]
 
 GRID_M = 1.5e-3
 NEAR_CONTACTS = 0.03
-"""Relative change of contact resistances that their first derivatives still carry: a series resistance is linear."""
+"""Relative change of contact resistances that derivatives at rest still carry: what lies in series and what pads shunt
+follow the resistance (``pad_shunts``), what both make of a press beside them doesn't."""
 RANK = 128
 """Directions kept of the derivatives on a patch's grid. On the paper's skin 100 leave 5e-4 of the noise out of a change
 of a tenth of the signal; every evaluation reads that much less memory."""
@@ -202,8 +203,9 @@ class StateSolver:
         lean = np.zeros((len(leaning), model.contacts[0].form_count))
         if share is not None:
             lean = np.array([model.contacts[k].lean(share[model.cells[k]]) for k in leaning])
-        by_pair = solution.jacobian_contact_lean(leaning) / ohm[leaning, None]
+        by = uneven(ohm, self._pad_ohm)[leaning, None]
+        by_pair = solution.jacobian_contact_lean(leaning) / by
         by_lean = np.moveaxis(self.protocol.whitened(np.moveaxis(by_pair, 0, -1)), -1, 0)
-        by_ohm[:, leaning] -= (by_lean * lean).sum(axis=-1)
-        contacts = np.append(conduct, ohm[leaning, None] * lean)
+        by_ohm[:, leaning] -= (by_lean * lean).sum(axis=-1) * (self._pad_ohm * conduct)[leaning] ** 2
+        contacts = np.append(conduct, by * lean)
         return contacts, np.hstack([-by_ohm / conduct**2, by_lean.reshape(len(by_ohm), -1)])

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from small_skin import SMALL, small_law, small_sensor, two_presses
+from small_skin import SMALL, small_law, small_sensor, two_presses, undriven
 
 from ertskin.diagnosis.linear.calibration_vector import SHAPE, Calibration, SkinFamily
 from ertskin.diagnosis.linear.linear_skin import LinearSkin
@@ -14,6 +14,7 @@ from ertskin.physics.effects.contact_drift import ContactDrift
 from ertskin.physics.effects.contact_pressure_dependence import ContactPressureDependence
 from ertskin.physics.effects.effect import Effect
 from ertskin.physics.effects.electrode_displacement import ElectrodeDisplacement
+from ertskin.physics.effects.temperature_drift import TemperatureDrift
 from ertskin.physics.history import History
 from ertskin.physics.protocol import Protocol, electrode_pairs
 from ertskin.physics.skin import Skin
@@ -95,6 +96,23 @@ def test_the_linearised_skin_follows_contacts_that_follow_their_pressure(
     np.testing.assert_allclose(change, after - before, atol=0.1 * np.abs(after - before).max())
 
 
+@pytest.mark.parametrize("contact_ohm", [500.0, 5e3, 5e4])
+def test_it_follows_them_where_contacts_resist_more_than_the_sheet_and_driven_electrodes_are_not_read(
+    history: History, contact_ohm: float
+) -> None:
+    """What a pad shunts goes as one over what its contact resists, and so does what it shows of where that conducts."""
+    protocol, contacts = undriven(), np.full(6, contact_ohm)
+    skin = Skin.build(small_sensor(), protocol, small_law(), contacts, 9000.0, (FOLLOWING,), SMALL)
+    contact_m = np.where(np.isfinite(history.contact_m), beside(skin, 1), np.nan)
+    near = replace(history, contact_m=contact_m)
+    force_n = np.nan_to_num(skin.force_n(near))
+    linear = LinearSkin(skin, near, force_n, np.arange(len(near)), None)
+    other = replace(skin, contact_resistance_ohm=np.e * contacts)
+    before, after = (protocol.whitened(one.pair_resistance_ohm(near, force_n)) for one in (skin, other))
+    change = linear.scans(other, force_n) - linear.scans(skin, force_n)
+    np.testing.assert_allclose(change, after - before, atol=0.05 * np.abs(after - before).max())
+
+
 def test_contacts_of_another_mesh_are_read_on_the_linearised_skins(history: History) -> None:
     """A pad out of place needs a mesh of its own; what is tried beside it comes from the family's."""
     family = SkinFamily(skin_with(), SMALL)
@@ -119,7 +137,8 @@ def test_columns_by_contact_resistance_are_those_of_the_contacts_asked(
     history: History, about: tuple[Effect, ...]
 ) -> None:
     linear = LinearSkin(skin_with(*about), history, np.full((len(history), 1), 3.0), np.arange(len(history)), None)
-    asked = skin_with(FOLLOWING.changed({"bend": 0.9}))
+    asked = skin_with(FOLLOWING.changed({"bend": 0.9}), TemperatureDrift(0.2))
+    asked = replace(asked, piezo=small_law().scaled(1.4 * small_law().zero_ohm_sq))
 
     def scaled(electrode: int, by: float) -> Skin:
         return replace(asked, contact_resistance_ohm=asked.contact_resistance_ohm * np.exp(by * np.eye(6)[electrode]))

@@ -6,11 +6,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from small_skin import small_sensor
 
-from ertskin.diagnosis.linear.pad_shunts import by_series, conducting, pad_resistances
+from ertskin.diagnosis.linear.linear_skin import LinearSkin
+from ertskin.diagnosis.linear.pad_shunts import by_series, conducting, pad_resistances, uneven
 from ertskin.physics.conduction.sheet import SheetModel
+from ertskin.physics.history import History, Phase
+from ertskin.physics.piezo.polynomial import PiezoPolynomial
 from ertskin.physics.protocol import Protocol, electrode_pairs
 from ertskin.physics.sensor import Sensor
+from ertskin.physics.skin import Skin
 
 ELECTRODES, RADIUS_M, SHEET_OHM_SQ = 8, 0.05, 1e3
 DRIVEN = Protocol.against_sink(electrode_pairs(ELECTRODES), ELECTRODES, 1e-3)
@@ -21,6 +26,18 @@ def undriven() -> Protocol:
     reading = np.stack([np.arange(ELECTRODES), np.roll(np.arange(ELECTRODES), -1)], axis=1)
     apart = ~(electrode_pairs(ELECTRODES)[:, None, :, None] == reading[None, :, None, :]).any(axis=(2, 3))
     return replace(Protocol.differences(DRIVEN.injection_current_a, reading), measured=apart)
+
+
+def at_rest() -> History:
+    nowhere = np.full((1, 1), np.nan)
+    rest = np.array([Phase.REST], dtype=np.uint8)
+    return History(np.zeros(1), np.zeros(1, dtype=int), rest, np.full((1, 1, 2), np.nan), nowhere, nowhere)
+
+
+def layered(bare: Sensor) -> Sensor:
+    """The sensor under small_skin's pad."""
+    pad = small_sensor()
+    return replace(bare, layers=pad.layers, piezo_interface=1, pad_margin_m=0.03)
 
 
 def sensor(edge: bool) -> Sensor:
@@ -57,3 +74,21 @@ def test_scans_follow_a_contact_that_resists_otherwise(
 
 def test_what_lies_in_series_is_not_read_where_driven_electrodes_are_not() -> None:
     assert np.abs(by_series(undriven())).max() < 1e-9 * np.abs(by_series(DRIVEN)).max()
+
+
+@pytest.mark.parametrize("edge", [False, True])
+@pytest.mark.parametrize("protocol", [DRIVEN, undriven()], ids=["driven", "undriven"])
+def test_the_linearised_skin_follows_contacts_far_from_those_it_is_linearised_about(
+    edge: bool, protocol: Protocol
+) -> None:
+    law = PiezoPolynomial.fit(np.linspace(0, 6e4, 40), SHEET_OHM_SQ * (1 - 5e-6 * np.linspace(0, 6e4, 40)))
+    history = at_rest()
+    skin = Skin.build(layered(sensor(edge)), protocol, law, np.full(ELECTRODES, 300.0), 9000.0, (), "fast")
+    linear = LinearSkin(skin, history, np.zeros((len(history), 1)))
+    other = replace(skin, contact_resistance_ohm=300.0 * np.exp(np.linspace(-1.0, 2.0, ELECTRODES)))
+    one, two = (protocol.whitened(each.pair_resistance_ohm(history, np.zeros((1, 1)))) for each in (skin, other))
+    np.testing.assert_allclose(linear.scans(other), two, atol=0.1 * np.abs(two - one).max())
+
+
+def test_an_uneven_contact_shows_by_the_less_of_its_resistance_and_its_pads() -> None:
+    assert uneven(np.array([1e-3, 100.0, 1e6]), np.full(3, 100.0)) == pytest.approx([1e-3, 50.0, 100.0], rel=1e-3)
