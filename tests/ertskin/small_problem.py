@@ -21,7 +21,8 @@ SCAN = replace(
     Protocol.against_sink(electrode_pairs(CHANNELS), CHANNELS, 1e-4), injection_offset_s=np.linspace(0.0, 0.4, 15)
 )
 CONTACT_OHM = np.linspace(200.0, 900.0, CHANNELS)
-START = Calibration(9000.0, CONTACT_OHM, 0.0, np.zeros(SHAPE))
+START = Calibration(17_000.0, CONTACT_OHM, 0.0, np.zeros(SHAPE))
+"""A calibration some way off, as one at rest leaves it."""
 PARTITIONS = [[k] for k in range(FOUR_PRESSES)]
 
 

@@ -20,7 +20,7 @@ from ertskin.physics.effects.sheet_inhomogeneity import SheetInhomogeneity
 
 SHEET = SheetInhomogeneity()
 GAIN = 1e4
-FABRIC = PiezoInhomogeneity(amplitude=0.3, x_m=0.03, y_m=0.03, radius_m=0.02)
+FABRIC = PiezoInhomogeneity(amplitude=0.05, x_m=0.03, y_m=0.03, radius_m=0.02)
 
 
 def fields() -> tuple[VoltageProblem, CheckedFit, dict[str, Trial]]:
