@@ -12,9 +12,9 @@ from ertskin.physics.effects.hypothesis import Measured
 
 RULE = "coincidence"
 FURTHER = 0.1
-"""How likely a third independent fault of a channel is where two are, and every one after it. Not measured: each of the
-concealed suite's 47 skins that hide one hides one alone, and of the four or five named on each of three none was there.
-"""
+"""How likely a third independent fault of a channel is where two are, and every one after it. Not measured: each of 47
+skins of the concealed suite (up to ``thirtythird32``) that hide one hides one alone, and of the four or five named on
+each of three none was there."""
 TINY = 1e-300
 
 

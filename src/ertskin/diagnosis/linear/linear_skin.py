@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from ertskin.cores import in_threads, in_threads_by_turns
 from ertskin.diagnosis.linear.elsewhere import Elsewhere
 from ertskin.diagnosis.linear.law_derivatives import conductance_by_law
-from ertskin.diagnosis.linear.pad_shunts import by_series, pad_resistances
 from ertskin.diagnosis.linear.patches import Indices, Patch, main_forms
 from ertskin.diagnosis.linear.pressed_frames import PressedFrames, motions, of_fabric
 from ertskin.diagnosis.linear.sensitivity import Potentials
@@ -78,8 +77,7 @@ class LinearSkin:
         states = StateSolver(untouched)
         self.patches, *moved = states.patches([force_n, *forces], progress or (lambda share, text: None))
         self._patches_at = dict(zip(moments, moved, strict=True))
-        self._by_series = by_series(skin.protocol)
-        self._pad_ohm = pad_resistances(skin.sheet, skin.piezo.zero_ohm_sq)
+        self._by_series, self._pad_ohm = states.by_series, states.pad_ohm
         self.sheet = WholeSheet(self.frames, self.patches)
         self._elsewhere = Elsewhere(untouched, Potentials.of(states.rest), self.patches, self.sheet)
 

@@ -84,13 +84,16 @@ class Place:
 
 
 class StateSolver:
-    """Solves the states of a recording's frames on their skin's mesh, that at ``rest`` first."""
+    """Solves the states of a recording's frames on their skin's mesh, that at ``rest`` first.
+
+    ``by_series`` (P,L) and ``pad_ohm`` (L,): what contacts make of scans, as ``pad_shunts`` has it.
+    """
 
     def __init__(self, sheet: UntouchedSheet) -> None:
         self.sheet, self.frames, self.skin = sheet, sheet.frames, sheet.skin
         self.protocol = self.skin.protocol
-        self._rims, self._by_series = PadRims(self.skin.sheet), by_series(self.protocol)
-        self._pad_ohm = pad_resistances(self.skin.sheet, self.skin.piezo.zero_ohm_sq)
+        self._rims, self.by_series = PadRims(self.skin.sheet), by_series(self.protocol)
+        self.pad_ohm = pad_resistances(self.skin.sheet, self.skin.piezo.zero_ohm_sq)
         self.rest = self._solve(np.ones(len(sheet.points_m)), self.skin.contact_resistance_ohm)
 
     def patches(self, forces: Sequence[Array], progress: Progress) -> list[list[Patch]]:
@@ -185,7 +188,7 @@ class StateSolver:
         """A solution's scan and derivatives at a place, ``relative`` (G,) the conductance on its grid."""
         contacts, by_contact = self._by_contact(solution, place.leaning)
         return State(
-            self.protocol.whitened(solution.pair_resistance_ohm) - self._by_series @ solution.contact_resistance_ohm,
+            self.protocol.whitened(solution.pair_resistance_ohm) - self.by_series @ solution.contact_resistance_ohm,
             relative,
             contacts,
             self.sheet.by_size(solution, place.elements, place.hats, place.points),
@@ -196,16 +199,16 @@ class StateSolver:
     def _by_contact(self, solution: Solution, leaning: Indices) -> tuple[Array, Array]:
         """A solution's contacts (K,) as ``Patch.contacts`` has them, and the derivatives (P,K) of its scan by them."""
         model, ohm, share = self.skin.sheet, solution.contact_resistance_ohm, solution.share
-        conduct = conducting(ohm, self._pad_ohm)
-        by_ohm = self.protocol.whitened(solution.jacobian_contact_resistance().T).T - self._by_series
+        conduct = conducting(ohm, self.pad_ohm)
+        by_ohm = self.protocol.whitened(solution.jacobian_contact_resistance().T).T - self.by_series
         if not len(leaning):
             return conduct, -by_ohm / conduct**2
         lean = np.zeros((len(leaning), model.contacts[0].form_count))
         if share is not None:
             lean = np.array([model.contacts[k].lean(share[model.cells[k]]) for k in leaning])
-        by = uneven(ohm, self._pad_ohm)[leaning, None]
+        by = uneven(ohm, self.pad_ohm)[leaning, None]
         by_pair = solution.jacobian_contact_lean(leaning) / by
         by_lean = np.moveaxis(self.protocol.whitened(np.moveaxis(by_pair, 0, -1)), -1, 0)
-        by_ohm[:, leaning] -= (by_lean * lean).sum(axis=-1) * (self._pad_ohm * conduct)[leaning] ** 2
+        by_ohm[:, leaning] -= (by_lean * lean).sum(axis=-1) * (self.pad_ohm * conduct)[leaning] ** 2
         contacts = np.append(conduct, by * lean)
         return contacts, np.hstack([-by_ohm / conduct**2, by_lean.reshape(len(by_ohm), -1)])
