@@ -150,11 +150,6 @@ RULES: dict[str, Rule] = {
         (f"{SEARCH}.selection.other_forms",),
         lambda trial, trials, rivals, fixed: [],
     ),
-    "cells_of_what_follows": Rule(
-        "a search begun anew isn't gone on with where cells held out are predicted worse",
-        (f"{SEARCH}.selection._Search._predicts_worse",),
-        lambda search, reached, incumbent: False,
-    ),
     "memory_first": Rule(
         "what places keep of presses may enter in the stead of contacts that wander",
         (f"{SEARCH}.selection._Search._remembering",),

@@ -10,7 +10,6 @@ import numpy as np
 
 from ertskin.diagnosis.contract.claims import Rival, Tried
 from ertskin.diagnosis.criteria import Criteria
-from ertskin.diagnosis.fit.cross_validation import log_misfit_held_out, numbers_of
 from ertskin.diagnosis.fit.full_solution_check import CheckedFit, Problem, checked_fit, exact, settled
 from ertskin.diagnosis.fit.joint_fit import VoltageProblem
 from ertskin.diagnosis.fit.solved import Solved
@@ -408,32 +407,15 @@ class _Search:
         self, other: _Search, begun: CheckedFit, incumbent: CheckedFit, least: float
     ) -> tuple[tuple[Chosen, ...], CheckedFit] | None:
         """All that follows from where another search has begun, gone on with where that is likelier than the incumbent
-        by more than the ``least`` and predicts cells held out no worse; None where it comes to nothing."""
+        by more than the ``least``; None where it comes to nothing."""
         chosen, reached = other.pruned(other.grown(begun))
         gain = gain_of_exchange(incumbent, reached)
         other.tried.append(Tried(tuple(term.name for term in reached.solved.terms), gain, True))
-        holds = gain > least and not reached.spoils(incumbent) and other.disagrees == self.disagrees
-        if holds and not self._predicts_worse(reached, incumbent):
+        if gain > least and not reached.spoils(incumbent) and other.disagrees == self.disagrees:
             self._go_on_as(other)
             return chosen, reached
         self._came_to_nothing(other)
         return None
-
-    def _predicts_worse(self, reached: CheckedFit, incumbent: CheckedFit) -> bool:
-        """Whether cells held out are predicted worse than by the incumbent by more than chance makes of frames; unasked
-        where either has a field told place by place, of which they can't know.
-
-        What fits likelier may run wild where nothing was fitted: contacts under pressure beside lots of sensitivity
-        took frames from 1.078 to 1.022 of the noise, and cells held out from 8,952 to 28,513, where chance makes 734
-        (c023 of `twentysixth48`).
-        """
-        fits = incumbent, reached
-        if any(term.by_place for fit in fits for term in fit.solved.terms):
-            return False
-        numbers = numbers_of(incumbent.problem, self.partitions).sum()
-        allowed = numbers * np.log(incumbent.problem.evidence.criteria.chance_ratio)
-        before, after = (log_misfit_held_out(fit.problem, fit.solved, self.partitions) for fit in fits)
-        return not after <= before + allowed
 
     def _with_in_stead(self, incumbent: CheckedFit, number: int, entering: Term) -> CheckedFit | None:
         """The fit with a term in the stead of the one of this ``number``; None where it settles nowhere."""

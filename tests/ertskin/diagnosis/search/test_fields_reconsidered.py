@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 from types import SimpleNamespace
 from typing import Any, cast
 
-import numpy as np
 import pytest
 
 from ertskin.diagnosis.contract.claims import Tried
@@ -140,7 +139,6 @@ def with_what_is_hidden(
     behind: tuple[Candidate, ...] = (Candidate(WARM, 68.0),),
     fixed: int = 0,
     promises: bool = True,
-    worse: float = 0.0,
 ) -> tuple[list[str], selection._Search]:
     """The names chosen where warmth is found ``behind`` a field, and ``then`` follow it; and the search."""
 
@@ -152,11 +150,6 @@ def with_what_is_hidden(
     monkeypatch.setattr(selection, "where_it_settles", lambda build, problem, solved: fit_of(*solved.terms))
     monkeypatch.setattr(selection, "refined", lambda build, fit, partitions, free: fit)
     monkeypatch.setattr(selection, "gain_of_exchange", lambda present, proposed: gain)
-    own = incumbent.solved
-    monkeypatch.setattr(
-        selection, "log_misfit_held_out", lambda problem, solved, parts: 0.0 if solved is own else worse
-    )
-    monkeypatch.setattr(selection, "numbers_of", lambda problem, partitions: np.array([400.0, 600.0]))
     monkeypatch.setattr(selection, "promises", lambda incumbent, proposed, field, partitions: promises)
     monkeypatch.setattr(selection._Search, "one_more", lambda search, without, wanted: None)
     monkeypatch.setattr(selection._Search, "_where_readings_remember", lambda search, fit: fit)
@@ -178,14 +171,6 @@ def test_what_a_field_hides_enters_before_it(then: tuple[NamedTerm, ...], monkey
     found, search = with_what_is_hidden(fit_of(FIELD), monkeypatch, then=then)
     assert found == ["self_heating", *(term.name for term in then)]
     assert search.tried[-1] == Tried(tuple(found), 900.0, True)
-    # Cells are predicted worse by no more than chance may make of frames.
-    nearly = 990 * np.log(DEFAULT.chance_ratio)
-    assert with_what_is_hidden(fit_of(FIELD), monkeypatch, then=then, worse=nearly)[0] == found
-
-
-def test_cells_are_not_asked_of_a_field_told_place_by_place(monkeypatch: pytest.MonkeyPatch) -> None:
-    then = (replace(FIELD, by_place=True),)
-    assert with_what_is_hidden(fit_of(FIELD), monkeypatch, then=then, worse=1e9)[0] == ["self_heating", "field"]
 
 
 @pytest.mark.parametrize(
@@ -195,10 +180,8 @@ def test_cells_are_not_asked_of_a_field_told_place_by_place(monkeypatch: pytest.
         {"gain": 1.0},
         {"specimen_goes": True},
         {"promises": False},
-        {"worse": 1010 * np.log(DEFAULT.chance_ratio)},
-        {"worse": np.nan},
     ],
-    ids=["worse", "no likelier", "without the specimen", "promises nothing", "predicts worse", "predicts nothing"],
+    ids=["worse", "no likelier", "without the specimen", "promises nothing"],
 )
 def test_a_field_that_hides_nothing_stays(found: dict[str, Any], monkeypatch: pytest.MonkeyPatch) -> None:
     names, search = with_what_is_hidden(fit_of(FIELD), monkeypatch, **found)

@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 from types import SimpleNamespace
 from typing import Any
 
-import numpy as np
 import pytest
 
 from ertskin.diagnosis.contract.claims import Rival
@@ -154,8 +153,6 @@ def search(monkeypatch: pytest.MonkeyPatch) -> selection._Search:
     monkeypatch.setattr(selection._Search, "grown", lambda search, fit: fit_of(*fit.solved.terms, OFFSET, misfit=1.0))
     monkeypatch.setattr(selection._Search, "pruned", lambda search, fit: (tuple(fit.solved.terms), fit))
     monkeypatch.setattr(selection, "gain_of_exchange", lambda incumbent, reached: 5000.0)
-    monkeypatch.setattr(selection, "log_misfit_held_out", lambda problem, solved, partitions: 0.0)
-    monkeypatch.setattr(selection, "numbers_of", lambda problem, partitions: np.array([1000.0]))
     found = selection._Search(None, [], lambda share, text: None, 0, {})  # type: ignore[arg-type]
     found.forms = [FORM]
     return found
@@ -188,19 +185,8 @@ def test_it_is_tried_and_left_where_it_is_not_likelier(
     search: selection._Search, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(selection, "gain_of_exchange", lambda incumbent, reached: 590.0)
-    monkeypatch.setattr(selection, "log_misfit_held_out", lambda *given: pytest.fail("cells fitted anew for nothing"))
     assert gone_on(search) == [ALIKE]
     assert search.stand == {}
-    assert [one.kept for one in search.tried] == [False]
-
-
-def test_it_is_left_where_cells_held_out_are_predicted_worse(
-    search: selection._Search, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(
-        selection, "log_misfit_held_out", lambda problem, solved, partitions: 30.0 * (len(solved.terms) > 1)
-    )
-    assert gone_on(search) == [ALIKE]
     assert [one.kept for one in search.tried] == [False]
 
 
