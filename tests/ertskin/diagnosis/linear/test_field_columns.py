@@ -11,7 +11,9 @@ import pytest
 from small_skin import SMALL, small_law, small_sensor, two_presses
 
 from ertskin.diagnosis.linear.linear_skin import LinearSkin
+from ertskin.physics.effects.effect import Effect
 from ertskin.physics.effects.field_over_sheet import FieldOverSheet
+from ertskin.physics.effects.indenter_offset import IndenterOffset
 from ertskin.physics.effects.piezo_hysteresis import PiezoHysteresis
 from ertskin.physics.effects.piezo_inhomogeneity import PiezoInhomogeneity
 from ertskin.physics.effects.scan_skew import ScanSkew
@@ -58,6 +60,28 @@ def test_columns_are_the_differences_that_each_field_makes(
         difference = (linear.scans(moved) - linear.scans(unraised)) / BY
         assert np.abs(difference).max() > 0
         np.testing.assert_allclose(found[..., k], difference, atol=5e-3 * np.abs(found).max())
+
+
+@pytest.mark.parametrize("kind", [SheetInhomogeneity, PiezoInhomogeneity], ids=["sheet", "sensitivity"])
+def test_nothing_remembered_of_other_skins_is_taken(kind: type[FieldOverSheet], history: History) -> None:
+    skin = Skin.build(small_sensor(), SCAN, small_law(), np.linspace(200.0, 900.0, 6), 9000.0, (), SMALL)
+    varied = kind(amplitude=0.2, x_m=0.02, y_m=0.02, radius_m=0.01)
+    fields = partial(field_design, SHAPE, extent_m=skin.sensor.extent_m)
+
+    def linearised() -> LinearSkin:
+        return LinearSkin(skin, history, np.nan_to_num(skin.force_n(history)), np.arange(len(history)), None)
+
+    def columns(linear: LinearSkin, *others: Effect, kind: FieldOverSheet = varied) -> list[np.ndarray]:
+        before, after = (replace(skin, effects=(*others, effect)) for effect in (kind, kind.raised(BY)))
+        return [found for _, found in linear.field_columns(before, after, BY, fields)]
+
+    wanted = columns(linearised(), PiezoHysteresis(width=0.1))
+    used = linearised()
+    columns(used, PiezoHysteresis(width=0.3))
+    columns(used, PiezoHysteresis(width=0.1), kind=replace(varied, amplitude=-0.3))
+    used.scans(replace(skin, effects=(PiezoHysteresis(width=0.1), IndenterOffset(dx_m=1e-3), varied)))
+    for found, one in zip(columns(used, PiezoHysteresis(width=0.1)), wanted, strict=True):
+        np.testing.assert_array_equal(found, one)
 
 
 def test_a_line_between_the_coarse_grids_nodes_is_seen(history: History) -> None:
