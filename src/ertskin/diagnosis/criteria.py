@@ -99,9 +99,8 @@ class Criteria:
     chance_ratio: float = criterion(
         1.02,
         "ratio of rms misfits",
-        "factor by which the misfit of a few frames, or of cells held out, may grow by chance: a term whose frames, "
-        "solved in full, fit worse doesn't hold, nor does what follows a search begun anew where cells held out are "
-        "predicted worse; a coupon's effect is needed where later cycles are predicted worse without it",
+        "factor by which the misfit of a few frames may grow by chance: a term whose frames, solved in full, fit worse "
+        "doesn't hold; a coupon's effect is needed where later cycles are predicted worse without it",
         f"{UNMEASURED}; half of the mismatch ratio's excess",
         least=1,
     )

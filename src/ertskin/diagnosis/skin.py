@@ -19,6 +19,7 @@ from ertskin.diagnosis.fit.solved import Solved
 from ertskin.diagnosis.fit.terms import Term
 from ertskin.diagnosis.force.agreement import agreed
 from ertskin.diagnosis.judge.answer import answered
+from ertskin.diagnosis.judge.confidence import UNKNOWN_MAPS, none_is_known
 from ertskin.diagnosis.judge.held_out import Predictions, predictions, ratio
 from ertskin.diagnosis.judge.quantities import with_fields_of_all_presses, with_quantities
 from ertskin.diagnosis.judge.remainder import remainder
@@ -112,7 +113,7 @@ def _diagnose(
     press = settling_press(evidence, skin, baseline.force_noise.rms_n, findings.diagnosis.claims)
     findings = replace(findings, diagnosis=replace(findings.diagnosis, next_press=press))
     findings = _with_its_end(findings, evidence.work)
-    return _for_simulation(findings, evidence, baseline, family, selection, selector, report)
+    return _with_maps_judged(_for_simulation(findings, evidence, baseline, family, selection, selector, report))
 
 
 def _with_its_end(findings: Findings, work: Work) -> Findings:
@@ -121,6 +122,16 @@ def _with_its_end(findings: Findings, work: Work) -> Findings:
     if not work.has_ended or findings.diagnosis.verdict == "no_mismatch" or said in (findings.diagnosis.reason or ""):
         return findings
     return replace(findings, diagnosis=_saying(findings.diagnosis, said))
+
+
+def _with_maps_judged(findings: Findings) -> Findings:
+    """The findings, whose verdict isn't ``explained`` by fields alone of which none has a map rather right than wrong:
+    those of all presses, where these were fitted."""
+    diagnosis = findings.diagnosis
+    if diagnosis.verdict != "explained" or not none_is_known(diagnosis.claims):
+        return findings
+    diagnosis = _saying(replace(diagnosis, verdict="partly_explained"), UNKNOWN_MAPS)
+    return replace(findings, diagnosis=diagnosis)
 
 
 def _for_simulation(

@@ -22,8 +22,9 @@ from ertskin.data.sources import CALIBRATION, calibration_folder, calibration_pa
 from ertskin.data.touches import touches_of
 from ertskin.diagnosis import skin
 from ertskin.diagnosis.any_recording import diagnose_any
-from ertskin.diagnosis.contract.claims import Claim, Diagnosis, HeldOut
+from ertskin.diagnosis.contract.claims import Claim, Diagnosis, FieldMap, HeldOut
 from ertskin.diagnosis.criteria import DEFAULT, Criteria
+from ertskin.diagnosis.judge.confidence import UNKNOWN_MAPS
 from ertskin.diagnosis.judge.result import Findings
 from ertskin.diagnosis.output.joint_calibration import joint_calibration, write_joint_calibration
 from ertskin.diagnosis.recording.work import Work
@@ -35,6 +36,7 @@ from ertskin.physics.conduction.mesh import MeshError
 from ertskin.physics.effects.adc_saturation import AdcSaturation
 from ertskin.physics.effects.piezo_inhomogeneity import PiezoInhomogeneity
 from ertskin.physics.effects.registry import effects_config
+from ertskin.physics.effects.sheet_inhomogeneity import SheetInhomogeneity
 
 pytestmark = pytest.mark.long
 
@@ -98,11 +100,43 @@ def test_of_few_presses_what_all_of_them_show_is_handed_on(loop: tuple[Path, Fin
 
 
 @pytest.mark.timeout(300)
-def test_of_very_few_presses_effects_are_chosen_from_all() -> None:
+def test_of_very_few_presses_effects_are_chosen_from_all_and_maps_judged_last(monkeypatch: pytest.MonkeyPatch) -> None:
+    judged: list[Any] = []
+    monkeypatch.setattr(skin, "none_is_known", lambda claims: judged.append(claims) or True)
     whole, _ = twelve_presses({"piezo_hysteresis": 1.0}, seed=6)
     assert whole.frames is not None
     few = presses_of(whole, made_presses(whole.frames)[::2].tolist())
-    handed_on_of_all_presses(diagnosed(few), chosen_from_all=True)
+    found = diagnosed(few)
+    handed_on_of_all_presses(found, chosen_from_all=True)
+    assert found.diagnosis.verdict == "partly_explained"
+    assert UNKNOWN_MAPS in str(found.diagnosis.reason)
+    assert judged == [found.diagnosis.claims]
+
+
+def of_map(right: float | None) -> Claim:
+    """A field of the sheet with how likely its map is right; None of one whose name stands for its map."""
+    map_of = FieldMap(np.zeros((1, 2)), np.zeros(1), right=right)
+    return Claim(SheetInhomogeneity(), 0.95, 2.0, {}, field_map=map_of)
+
+
+@pytest.mark.parametrize(
+    ("claims", "known"),
+    [
+        ((of_map(0.49),), False),
+        ((of_map(0.49), of_map(0.1)), False),
+        ((of_map(0.5),), True),
+        ((of_map(None),), True),
+        ((of_map(0.49), of_map(0.5)), True),
+        ((of_map(0.49), Claim(AdcSaturation(limit_v=5.0), 0.95, 2.0, {})), True),
+        ((), True),
+    ],
+)
+def test_fields_of_unknown_maps_alone_explain_in_part(claims: tuple[Claim, ...], known: bool) -> None:
+    for verdict in ("explained", "partly_explained"):
+        found = Findings(Diagnosis("some.h5", verdict, HeldOut("split", 1e-3, 3.0, 1.0, 0.0), claims=claims))
+        judged = skin._with_maps_judged(found).diagnosis
+        assert judged.verdict == ("explained" if known and verdict == "explained" else "partly_explained")
+        assert (judged.reason == UNKNOWN_MAPS) == (verdict == "explained" and not known)
 
 
 def handed_on_of_all_presses(found: Findings, *, chosen_from_all: bool) -> None:

@@ -14,9 +14,6 @@ from ertskin.physics.effects.smooth_field import Nodes, field_design
 
 Array = NDArray[np.float64]
 
-MOST_KNOWN = 64
-"""Sets of positions at which modes are remembered: those of a linearised skin's patches, of which there are fewer."""
-
 
 @dataclass(frozen=True, eq=False)
 class Modes:
@@ -30,26 +27,15 @@ class Modes:
     half: Array = field(default_factory=lambda: np.zeros((1, 0)))
     spread: float = 0.0
     by_place: bool = False
-    _known: dict[tuple[object, ...], Array] = field(default_factory=dict, init=False, repr=False)
 
     def of(self, sizes: Sequence[float]) -> Nodes:
         """Node values of the sum in which the modes have these ``sizes`` (K,)."""
         return tuple(tuple(map(float, row)) for row in np.tensordot(np.asarray(sizes), self.nodes, 1))
 
     def __call__(self, position_m: Array, extent_m: Array) -> Array:
-        """(N,K) the modes at positions (N,2) of a sheet with the box ``extent_m`` (2,2); those of the latest few are
-        remembered, for a fit asks for the same ones at every step."""
-        key = position_m.shape, position_m.tobytes(), extent_m.tobytes()
-        found = self._known.get(key)
-        if found is None:
-            count, *shape = self.nodes.shape
-            design = field_design((shape[0], shape[1]), position_m, extent_m)
-            found = np.asarray(design @ self.nodes.reshape(count, -1).T)
-            found.flags.writeable = False
-            for oldest in list(self._known)[: max(0, len(self._known) + 1 - MOST_KNOWN)]:
-                self._known.pop(oldest, None)
-            self._known[key] = found
-        return found
+        """(N,K) the modes at positions (N,2) of a sheet with the box ``extent_m`` (2,2)."""
+        count, *shape = self.nodes.shape
+        return np.asarray(field_design((shape[0], shape[1]), position_m, extent_m) @ self.nodes.reshape(count, -1).T)
 
 
 @dataclass(frozen=True)

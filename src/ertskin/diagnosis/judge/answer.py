@@ -311,15 +311,9 @@ def _verdict(case: Case, claims: list[Claim], jitters: bool) -> str:
     before = case.found.ratio_before if claims else broad_ratio(case.found.before, press) / surely
     verdict = verdict_of(before, case.found.ratio_after, bool(claims), case.criteria, mismatch)
     off = case.force.off or case.misread
-    if verdict == "explained" and (off or beyond or jitters or _one_fault(case, claims) or _maps_unknown(case, claims)):
+    if verdict == "explained" and (off or beyond or jitters or _one_fault(case, claims)):
         return "partly_explained"
     return verdict
-
-
-def _maps_unknown(case: Case, claims: list[Claim]) -> bool:
-    """Whether all that is named is fields of which none has a map that is rather right than wrong."""
-    rather = case.criteria.doubted_share
-    return bool(claims) and all(claim.right_map is not None and claim.right_map < rather for claim in claims)
 
 
 def _one_fault(case: Case, claims: list[Claim]) -> bool:
@@ -361,8 +355,6 @@ def _reason(case: Case, claims: list[Claim], jitters: bool) -> str | None:
         for name, determined, points in determined_points(case.selection)
         if determined < points and name not in by_place
     ]
-    if _maps_unknown(case, claims):
-        said.append("where the fields named are high and low isn't known: press more places, more than once")
     if claims and case.found.spoilt(case.criteria) and not by_place:
         said.append(f"{SPOILT}: it is not handed on, press more places")
     if case.selection.specimen == "disagrees":

@@ -33,6 +33,8 @@ AT_ONCE = "another static law"
 RATHER = 0.5
 """Confidence below which a map is rather wrong than right."""
 
+UNKNOWN_MAPS = "where the fields named are high and low isn't known: press more places, more than once"
+
 
 def reasoned(before: Sequence[Claim], after: Sequence[Claim], rule: str, why: str) -> list[Claim]:
     """The claims ``after`` a rule, those it made less sure with the reason; both in the same order."""
@@ -139,6 +141,11 @@ def noisy(claims: Sequence[Claim], channels: Collection[int], criteria: Criteria
         replace(c, confidence=criteria.doubted_share * c.confidence) if doubt else c
         for c, doubt in zip(claims, doubted, strict=True)
     ]
+
+
+def none_is_known(claims: Sequence[Claim]) -> bool:
+    """Whether all that is named is fields whose maps are rather wrong than right."""
+    return bool(claims) and all(claim.right_map is not None and claim.right_map < RATHER for claim in claims)
 
 
 def left_over_of_force(claims: Sequence[Claim], before: float, after: float, criteria: Criteria) -> list[Claim]:

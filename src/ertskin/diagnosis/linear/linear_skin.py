@@ -250,7 +250,7 @@ class LinearSkin:
         skew, moments = self._motion(skin), self._moments(skin, self.force_n)
         # What they remember is begun before several threads ask for it.
         for force_n in (self.force_n, *(force_n for force_n, _ in moments)):
-            self.frames.memory(force_n)
+            self.frames.memory(force_n).settle(skin)
 
         def still(number: int, force_n: Array, patches: list[Patch]) -> Array:
             local = self._raised_by(number, patches[number], skin, raised, force_n) / by
@@ -269,9 +269,8 @@ class LinearSkin:
         yield from in_threads_by_turns(one, range(len(self.patches)))
 
     def _raised_by(self, number: int, patch: Patch, skin: Skin, raised: Skin, force_n: Array) -> Array:
-        """(m,G) change of the relative conductance on a patch's grid from one skin to the other, under the same
-        pressures: of what the field doesn't act on it is that of the first."""
-        self.frames.memory(force_n).settle(skin)
+        """(m,G) change of the relative conductance on a patch's grid from one skin to the other, which differ in what
+        is on the sheet or in the fabric alone; the other of these is taken of the first."""
         relative, field = self.frames.relative_of(number, patch, skin, force_n), self._field_of(number, skin)
         fabric = of_fabric(raised) == of_fabric(skin)
         raised_relative = relative if fabric else self.frames.relative(raised, force_n, patch)

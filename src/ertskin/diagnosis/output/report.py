@@ -20,7 +20,9 @@ from ertskin.report.words import chance_in_words, force_in_words, interval, word
 MEANING = {
     "no_mismatch": "The simulator explains the recording to within the noise: nothing is missing.",
     "explained": "The simulator lacks the physics named below; with it, the recording is explained.",
-    "partly_explained": "The simulator lacks the physics named below, and something else that is not named.",
+    "partly_explained": (
+        "The simulator lacks the physics named below, and something else that is not named, or a map that isn't known."
+    ),
     "unexplained": "The simulator misses something, and none of the known effects accounts for it.",
     "cannot_tell": "The recording can't answer.",
 }

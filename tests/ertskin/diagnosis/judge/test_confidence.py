@@ -10,10 +10,10 @@ from unittest.mock import MagicMock
 import numpy as np
 import pytest
 
-from ertskin.diagnosis.contract.claims import Claim, FieldMap, Reason
+from ertskin.diagnosis.contract.claims import Claim, Reason
 from ertskin.diagnosis.criteria import DEFAULT
 from ertskin.diagnosis.force.claims import ForceAnswer
-from ertskin.diagnosis.judge.answer import Case, _depends_on, _instrument_claims, _reason, _verdict
+from ertskin.diagnosis.judge.answer import Case, _depends_on, _instrument_claims, _verdict
 from ertskin.diagnosis.judge.confidence import (
     AT_ONCE,
     at_once,
@@ -229,36 +229,15 @@ def test_a_rule_that_makes_a_claim_less_sure_leaves_its_reason() -> None:
     assert found[0].as_builtins()["reasons"][0]["after"] == 0.6
 
 
-def case_of(*by_force: Claim, before: float) -> Any:
-    """A sound recording explained by what is named, with this misfit before."""
-    case: Any = MagicMock(criteria=DEFAULT, instrument_off=False, faulty=(), repeating=(), noisy={})
-    case.force = ForceAnswer(by_force, 0.03, 0.01, off=False)
-    case.found = MagicMock(ratio_before=before, ratio_after=1.0)
-    case.misread = Case.misread.fget(case)  # type: ignore[attr-defined]
-    case.selection.specimen = None
-    case.evidence.criteria = DEFAULT
-    return case
-
-
 @pytest.mark.parametrize(("gain", "misread"), [(20.0, True), (10.0, False), (None, False)])
 def test_a_load_cell_that_misreads_is_said_and_nothing_is_wholly_explained(gain: float | None, misread: bool) -> None:
     foam = replace(claim(NonlinearFoam(stiffening=-0.1), 2.0), misread=gain, by_force=True)
-    case = case_of(foam, before=1.0)
+    case: Any = MagicMock(criteria=DEFAULT, instrument_off=False, faulty=(), repeating=(), noisy={})
+    case.force = ForceAnswer((foam,), 0.03, 0.01, off=False)
+    case.found = MagicMock(ratio_before=1.0, ratio_after=1.0)
+    case.misread = Case.misread.fget(case)  # type: ignore[attr-defined]
+    case.selection.specimen = None
+    case.evidence.criteria = DEFAULT
     assert case.misread is misread
     assert _verdict(case, [foam], False) == ("partly_explained" if misread else "explained")
     assert _depends_on(case, [], "explained", False, []) == (("force",) if misread else ())
-
-
-def test_fields_of_unknown_maps_alone_explain_in_part() -> None:
-    point_m, value = np.zeros((1, 2)), np.zeros(1)
-    unknown, known = (
-        replace(claim(SheetInhomogeneity(), 2.0), field_map=FieldMap(point_m, value, right=right))
-        for right in (0.49, 0.5)
-    )
-    case, other = case_of(before=2.0), claim(SheetAnisotropy(stretch_x=0.1), 2.0)
-    assert _verdict(case, [unknown], False) == "partly_explained"
-    assert _verdict(case, [unknown, unknown], False) == "partly_explained"
-    assert "isn't known" in str(_reason(case, [unknown], False))
-    for named in ([known], [other], [unknown, known], [unknown, other]):
-        assert _verdict(case, named, False) == "explained"
-        assert "isn't known" not in str(_reason(case, named, False))
