@@ -250,10 +250,10 @@ class LinearSkin:
         skew, moments = self._motion(skin), self._moments(skin, self.force_n)
         # What they remember is begun before several threads ask for it.
         for force_n in (self.force_n, *(force_n for force_n, _ in moments)):
-            self.frames.memory(force_n).settle(skin)
+            self.frames.memory(force_n)
 
         def still(number: int, force_n: Array, patches: list[Patch]) -> Array:
-            local = self._raised_by(number, patches[number], skin, raised, force_n) / by
+            local = self._raised_by(patches[number], skin, raised, force_n) / by
             return self._columns_of(patches[number], skin, local, fields, None if wide is None else wide[number])
 
         def one(number: int) -> tuple[Indices, Array]:
@@ -268,14 +268,14 @@ class LinearSkin:
 
         yield from in_threads_by_turns(one, range(len(self.patches)))
 
-    def _raised_by(self, number: int, patch: Patch, skin: Skin, raised: Skin, force_n: Array) -> Array:
-        """(m,G) change of the relative conductance on a patch's grid from one skin to the other, which differ in what
-        is on the sheet or in the fabric alone; the other of these is taken of the first."""
-        relative, field = self.frames.relative_of(number, patch, skin, force_n), self._field_of(number, skin)
-        fabric = of_fabric(raised) == of_fabric(skin)
-        raised_relative = relative if fabric else self.frames.relative(raised, force_n, patch)
-        raised_field = field if on_sheet(raised) == on_sheet(skin) else self._local_field(raised, patch)
-        return np.asarray((raised_relative - patch.about) * raised_field - (relative - patch.about) * field)
+    def _raised_by(self, patch: Patch, skin: Skin, raised: Skin, force_n: Array) -> Array:
+        """(m,G) change of the relative conductance on a patch's grid from one skin to the other."""
+        change = []
+        for each in (skin, raised):
+            self.frames.memory(force_n).settle(each)
+            relative = self.frames.relative(each, force_n, patch)
+            change.append((relative - patch.about) * self._local_field(each, patch))
+        return np.asarray(change[1] - change[0])
 
     def _columns_of(self, patch: Patch, skin: Skin, local: Array, fields: Fields, wide: Array | None) -> Array:
         """(m,P,K) ``field_columns`` of a patch, every scan taken in an instant, from the derivative (m,G) of its
