@@ -101,8 +101,9 @@ def test_of_few_presses_what_all_of_them_show_is_handed_on(loop: tuple[Path, Fin
 
 @pytest.mark.timeout(300)
 def test_of_very_few_presses_effects_are_chosen_from_all_and_maps_judged_last(monkeypatch: pytest.MonkeyPatch) -> None:
-    judged: list[Any] = []
-    monkeypatch.setattr(skin, "none_is_known", lambda claims: judged.append(claims) or True)
+    judged, judge = list[Findings](), skin._with_maps_judged
+    monkeypatch.setattr(skin, "none_is_known", lambda claims: True)
+    monkeypatch.setattr(skin, "_with_maps_judged", lambda found: judged.append(found) or judge(found))
     whole, _ = twelve_presses({"piezo_hysteresis": 1.0}, seed=6)
     assert whole.frames is not None
     few = presses_of(whole, made_presses(whole.frames)[::2].tolist())
@@ -110,7 +111,7 @@ def test_of_very_few_presses_effects_are_chosen_from_all_and_maps_judged_last(mo
     handed_on_of_all_presses(found, chosen_from_all=True)
     assert found.diagnosis.verdict == "partly_explained"
     assert UNKNOWN_MAPS in str(found.diagnosis.reason)
-    assert judged == [found.diagnosis.claims]
+    assert [(one.whole, one.diagnosis.claims) for one in judged] == [(found.whole, found.diagnosis.claims)]
 
 
 def of_map(right: float | None) -> Claim:
