@@ -1,0 +1,91 @@
+"""A suite published part by part: what binds only grows, and nothing can be scored before the last part is open."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import pytest
+import seals
+from opened_sample import METHOD, judged, opened
+from publish import commit, reveal
+from record import commitments, skin_of, truth_of
+from suite import Case, suite
+
+SECRET = bytes(range(32))
+NULLS = [case for case in suite(SECRET, [], small=True) if not case.hidden]
+PARTS = NULLS[:2], NULLS[2:]
+
+
+@pytest.fixture(scope="module")
+def truths() -> dict[str, dict[str, object]]:
+    return {case.name: truth_of(case, skin_of(case))[0] for case in NULLS}
+
+
+def recorded(out: Path, part: list[Case], truths: dict[str, dict[str, object]], secret: bytes = SECRET) -> Path:
+    """A folder as ``record.py`` and ``diagnose.py`` leave it, that holds one part alone."""
+    shutil.rmtree(out, ignore_errors=True)
+    (out / "recordings").mkdir(parents=True)
+    (out / "secret.txt").write_text(secret.hex() + "\n")
+    for case in part:
+        sealed = {"truth": truths[case.name], "nonce": seals.nonce(secret, case.name)}
+        seals.write_json(out / "sealed" / f"{case.name}.json", sealed)
+        (out / "recordings" / f"{case.name}.h5").write_bytes(case.name.encode())
+        said = {"format": "ertskin-diagnosis", "format_version": 1, "verdict": "no_mismatch", "effects": []}
+        seals.write_json(out / "diagnoses" / METHOD / case.name / "diagnosis.json", said)
+    about = {"families": [], "small": True}
+    seals.write_json(out / "commitments.json", commitments(out, NULLS, secret, about))
+    return out
+
+
+def test_parts_add_up_to_the_suite_and_open_with_the_last(tmp_path: Path, truths: dict[str, dict[str, object]]) -> None:
+    out, results = tmp_path / "out", tmp_path / "results"
+    for number, part in enumerate(PARTS):
+        last = number == len(PARTS) - 1
+        commit(recorded(out, part, truths), results)
+        reveal(out, results, more=not last)
+        if not last:
+            with pytest.raises(seals.SealError, match=r"opened\.json\.xz: found no such file"):
+                opened(results)
+    assert sorted(path.name for path in results.iterdir()) == [
+        "commitments.json", "diagnoses.json.xz", "isolated_laws.json", "opened.json.xz"
+    ]  # fmt: skip
+    found = opened(results)
+    assert set(found) == {case.name for case in NULLS}
+    assert {one.name: one.verdict for one in judged(results, found)[METHOD]} == dict.fromkeys(found, "no_mismatch")
+
+
+def test_a_suite_that_lacks_a_part_does_not_open(tmp_path: Path, truths: dict[str, dict[str, object]]) -> None:
+    out, results = tmp_path / "out", tmp_path / "results"
+    commit(recorded(out, PARTS[0], truths), results)
+    commit(recorded(out, PARTS[1], truths), results)
+    with pytest.raises(seals.SealError, match=f"no truth of {PARTS[0][0].name}, {PARTS[0][1].name}"):
+        reveal(out, results)
+    assert not (results / "opened.json.xz").exists()
+
+
+def test_what_is_committed_stays_as_it_is(tmp_path: Path, truths: dict[str, dict[str, object]]) -> None:
+    out, results = tmp_path / "out", tmp_path / "results"
+    commit(recorded(out, PARTS[0], truths), results)
+    before = (results / "commitments.json").read_bytes()
+    with pytest.raises(seals.SealError, match="a case is committed once"):
+        commit(out, results)
+    again = seals.read_json(out / "commitments.json")
+    again["cases"][PARTS[0][0].name]["recording"] = "0" * 64
+    seals.write_json(out / "commitments.json", again)
+    with pytest.raises(seals.SealError, match=f"{PARTS[0][0].name} published already, as something else"):
+        commit(out, results)
+    with pytest.raises(seals.SealError, match="another secret or suite"):
+        commit(recorded(out, PARTS[1], truths, secret=bytes(32)), results)
+    assert (results / "commitments.json").read_bytes() == before
+
+
+def test_of_a_part_only_what_was_diagnosed_is_opened(tmp_path: Path, truths: dict[str, dict[str, object]]) -> None:
+    out, results = tmp_path / "out", tmp_path / "results"
+    commit(recorded(out, NULLS[:3], truths), results)
+    waiting, slow, done = (out / "diagnoses" / METHOD / case.name / "diagnosis.json" for case in NULLS[:3])
+    waiting.unlink()
+    slow.rename(slow.with_name("stopped.txt"))
+    reveal(out, results, more=True)
+    assert set(seals.read_json(results / "opened_so_far.json.xz")) == {slow.parent.name, done.parent.name}
+    assert set(seals.read_json(results / "diagnoses.json.xz")[METHOD]) == {done.parent.name}
