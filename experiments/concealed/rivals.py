@@ -3,7 +3,8 @@
 ``python experiments/concealed/rivals.py METHOD recording.h5 OUT/diagnosis.json``. As a method of the proof:
 ``diagnose.py OUT --method "omp=python experiments/concealed/rivals.py omp {recording} {out}/diagnosis.json"``.
 Effects of the foam in the load cell's forces, contacts that wander at rest and a converter's declared limit belong to
-what all share; of those the discrepancy says nothing, for it has no names.
+what all share; of those the discrepancy says nothing, for it has no names. Each chooses once, from the presses that
+aren't held out; with all presses, where a field's map is asked of them, what it chose is fitted again.
 """
 
 from __future__ import annotations
@@ -12,8 +13,8 @@ import argparse
 import os
 import sys
 import time
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
@@ -26,9 +27,14 @@ from selectors_of_effects import by_aic, by_lisdd  # noqa: E402
 
 from ertskin.diagnosis.any_recording import diagnose_any  # noqa: E402
 from ertskin.diagnosis.contract.claims import Diagnosis  # noqa: E402
+from ertskin.diagnosis.fit.full_solution_check import Problem  # noqa: E402
+from ertskin.diagnosis.fit.terms import Term  # noqa: E402
 from ertskin.diagnosis.judge.result import Findings  # noqa: E402
+from ertskin.diagnosis.linear.calibration_vector import Calibration  # noqa: E402
 from ertskin.diagnosis.output.diagnosis_file import write_diagnosis  # noqa: E402
-from ertskin.diagnosis.skin import Selector  # noqa: E402
+from ertskin.diagnosis.search.chosen import Selection  # noqa: E402
+from ertskin.diagnosis.search.selection import Report  # noqa: E402
+from ertskin.diagnosis.skin import Selector, Shown  # noqa: E402
 from ertskin.hardware.recording import read_recording  # noqa: E402
 
 
@@ -49,10 +55,36 @@ METHODS = {
 }
 
 
+class Once:
+    """A selector that chooses at its first call; what it chose is fitted to the frames of any further one."""
+
+    def __init__(self, chooses: Selector) -> None:
+        self.chooses = chooses
+        self.chosen: Selection | None = None
+
+    def __call__(
+        self,
+        build: Problem,
+        fixed: Sequence[Term],
+        begun: Shown,
+        start: Calibration,
+        partitions: Sequence[Sequence[int]],
+        report: Report,
+    ) -> Selection:
+        if self.chosen is None:
+            self.chosen = self.chooses(build, fixed, begun, start, partitions, report)
+            return self.chosen
+        found = self.chosen.after
+        problem = build(found)
+        after = problem.solve(found.terms, found.calibration, leftover=found.leftover)
+        return replace(self.chosen, after=after, problem=problem)
+
+
 def diagnosis_by(name: str, path: Path) -> Diagnosis:
     """What a rival says of a recording."""
     method = METHODS[name]
-    return method.says(diagnose_any(read_recording(path), path.name, lambda share, text: None, selector=method.chooses))
+    recording, once = read_recording(path), Once(method.chooses)
+    return method.says(diagnose_any(recording, path.name, lambda share, text: None, selector=once))
 
 
 def main() -> int:

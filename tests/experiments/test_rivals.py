@@ -239,6 +239,27 @@ def test_a_discrepancy_names_nothing_and_says_what_it_predicts(monkeypatch: pyte
     assert nameless(nothing).verdict == "no_mismatch"
 
 
+# choosing once
+
+
+def test_what_a_rival_has_chosen_is_fitted_again_not_chosen_again() -> None:
+    calls = []
+
+    def chooses(*given: Any) -> Any:
+        calls.append(given)
+        return by_distortion_tests(*given)
+
+    once = rivals.Once(chooses)
+    first = once(lambda solved: problem_of(TILTED), (), (), START, PARTITIONS, silent)
+    less = replace(TILTED, stretch_diagonal=0.01)
+    again = once(lambda solved: problem_of(less), (), (), START, PARTITIONS, silent)
+    assert len(calls) == 1
+    assert again.chosen == first.chosen
+    assert [term.name for term in again.after.terms] == [term.name for term in first.after.terms]
+    tilts = [next(t.effect for t in one.after.terms if t.name == TILTED.name) for one in (first, again)]
+    assert [tilt.value("stretch_diagonal") for tilt in tilts] == pytest.approx([0.02, 0.01], rel=0.1)
+
+
 # confidence
 
 
