@@ -14,6 +14,7 @@ from dataclasses import replace
 import numpy as np
 from dictionary import dictionaries
 from numpy.typing import NDArray
+from selectors_of_effects import MOST
 
 from ertskin.diagnosis.fit.full_solution_check import CheckedFit, exact, settled
 from ertskin.diagnosis.fit.joint_fit import VoltageProblem
@@ -21,7 +22,6 @@ from ertskin.diagnosis.fit.solved import Solved
 from ertskin.diagnosis.fit.terms import Term
 from ertskin.diagnosis.linear.calibration_vector import Calibration
 from ertskin.diagnosis.search.chosen import Chosen, Selection
-from ertskin.diagnosis.search.selection import MOST_TERMS
 from ertskin.physics.conduction.mesh import MeshError
 
 Array = NDArray[np.float64]
@@ -47,7 +47,7 @@ def by_matching_pursuit(
     Confidence of a term: the share of the folds, each some of the presses, whose error falls as it enters.
     """
     path = [settled(build, build(None).solve(fixed, start))]
-    for turn in range(MOST_TERMS):
+    for turn in range(MOST):
         report(0.2 + 0.1 * turn, f"pursuit: term {turn + 1}")
         proposed = _one_more(build, path[-1])
         if proposed is None:

@@ -19,11 +19,12 @@ from ertskin.diagnosis.fit.terms import Term
 from ertskin.diagnosis.linear.calibration_vector import Calibration
 from ertskin.diagnosis.search.candidates import Candidate, screen
 from ertskin.diagnosis.search.chosen import Chosen, Selection
-from ertskin.diagnosis.search.selection import MOST_TERMS
 
 Report = Callable[[float | None, str], None]
 Problem = Callable[[Solved | None], VoltageProblem]
 
+MOST = 3
+"""Terms that are looked for: as many as a recording of the suite hides at most, for time."""
 TRIED = 4
 FLAGGED_P = 1e-3
 ACCEPTED_P = 0.01
@@ -45,7 +46,7 @@ def by_aic(
     problem = build(None)
     before = current = problem.solve(fixed, start, leftover=True)
     chosen: list[Chosen] = []
-    for turn in range(MOST_TERMS):
+    for turn in range(MOST):
         report(0.2 + 0.1 * turn, "AIC: looking for another term")
         current = problem.at_hand(current)
         found = [_joined(problem, current, c, True) for c in _one_of_each(screen(problem, current, partitions), TRIED)]
