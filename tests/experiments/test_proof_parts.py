@@ -1,8 +1,15 @@
-"""A suite published part by part: what binds only grows, and nothing can be scored before the last part is open."""
+"""A suite published part by part: what binds only grows, and nothing can be scored before the last part is open.
+
+And recorded by kernels that any machine has, for the same bytes.
+"""
 
 from __future__ import annotations
 
+import json
+import platform
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -89,3 +96,28 @@ def test_of_a_part_only_what_was_diagnosed_is_opened(tmp_path: Path, truths: dic
     reveal(out, results, more=True)
     assert set(seals.read_json(results / "opened_so_far.json.xz")) == {slow.parent.name, done.parent.name}
     assert set(seals.read_json(results / "diagnoses.json.xz")[METHOD]) == {done.parent.name}
+
+
+KERNELS = """
+import json, runpy, sys
+sys.argv = ["record.py", "--help"]
+sys.path.insert(0, {folder!r})
+try:
+    runpy.run_path({folder!r} + "/record.py", run_name="__main__")
+except SystemExit:
+    pass
+import threadpoolctl
+from numpy._core._multiarray_umath import __cpu_features__
+blas = [pool["architecture"] for pool in threadpoolctl.threadpool_info() if pool["internal_api"] == "openblas"]
+print(json.dumps([blas, __cpu_features__["X86_V4"]]))
+"""
+
+
+@pytest.mark.skipif(platform.machine() != "x86_64", reason="the kernels asked for are those of x86-64 with AVX2")
+def test_recordings_are_made_by_kernels_that_other_machines_have() -> None:
+    program = KERNELS.format(folder=str(Path(seals.__file__).parent))
+    asked = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    blas, wide = json.loads(asked.stdout.splitlines()[-1])
+    assert blas
+    assert set(blas) == {"Haswell"}
+    assert not wide

@@ -33,7 +33,10 @@ def opened(results: Path, recordings: Path | None = None) -> dict[str, dict[str,
         if any(one["truth"][key] != getattr(drawn[name], key) for key in ("kind", "seed", "shape", "scan", "presses")):
             raise seals.SealError(f"{name}: not the case that the secret draws")
         if recordings is not None and seals.file_hash(recordings / f"{name}.h5") != commitment["recording"]:
-            raise seals.SealError(f"{name}: the recording's bytes are not those committed")
+            raise seals.SealError(
+                f"{name}: the recording's bytes are not those committed (if recorded again: by the same kernels of BLAS"
+                " and numpy? proof/README.md says which)"
+            )
         truths[name] = one["truth"]
     return truths
 
