@@ -4,7 +4,7 @@
 ``diagnose.py OUT --method "omp=python experiments/concealed/rivals.py omp {recording} {out}/diagnosis.json"``.
 Effects of the foam in the load cell's forces, contacts that wander at rest and a converter's declared limit belong to
 what all share; of those the discrepancy says nothing, for it has no names. Each chooses once, from the presses that
-aren't held out; with all presses, where a field's map is asked of them, what it chose is fitted again.
+aren't held out; where the diagnosis would choose again from all presses, what it chose is fitted to them.
 """
 
 from __future__ import annotations
@@ -56,7 +56,9 @@ METHODS = {
 
 
 class Once:
-    """A selector that chooses at its first call; what it chose is fitted to the frames of any further one."""
+    """A selector that chooses at its first call. At any further one, of other frames, what it chose is fitted to these
+    about the fit it was chosen in, beside the terms ``fixed`` by now: fields, and what of the rest is among ``begun``.
+    """
 
     def __init__(self, chooses: Selector) -> None:
         self.chooses = chooses
@@ -74,10 +76,13 @@ class Once:
         if self.chosen is None:
             self.chosen = self.chooses(build, fixed, begun, start, partitions, report)
             return self.chosen
+        names = {term.name for term, _ in begun}
+        kept = [one for one in self.chosen.chosen if one.term.modes is not None or one.term.name in names]
         found = self.chosen.after
         problem = build(found)
-        after = problem.solve(found.terms, found.calibration, leftover=found.leftover)
-        return replace(self.chosen, after=after, problem=problem)
+        after = problem.solve([*fixed, *(one.term for one in kept)], found.calibration, leftover=found.leftover)
+        chosen = tuple(replace(one, term=term) for one, term in zip(kept, after.terms[len(fixed) :], strict=True))
+        return replace(self.chosen, after=after, chosen=chosen, problem=problem)
 
 
 def diagnosis_by(name: str, path: Path) -> Diagnosis:

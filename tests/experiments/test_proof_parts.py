@@ -22,15 +22,16 @@ from suite import Case, suite
 SECRET = bytes(range(32))
 NULLS = [case for case in suite(SECRET, [], small=True) if not case.hidden]
 PARTS = NULLS[:2], NULLS[2:]
+Truths = dict[str, dict[str, object]]
 
 
 @pytest.fixture(scope="module")
-def truths() -> dict[str, dict[str, object]]:
+def truths() -> Truths:
     return {case.name: truth_of(case, skin_of(case))[0] for case in NULLS}
 
 
-def recorded(out: Path, part: list[Case], truths: dict[str, dict[str, object]], secret: bytes = SECRET) -> Path:
-    """A folder as ``record.py`` and ``diagnose.py`` leave it, that holds one part alone."""
+def recorded(out: Path, part: list[Case], truths: Truths, secret: bytes = SECRET) -> Path:
+    """A folder as ``record.py`` leaves it, that holds one part alone."""
     shutil.rmtree(out, ignore_errors=True)
     (out / "recordings").mkdir(parents=True)
     (out / "secret.txt").write_text(secret.hex() + "\n")
@@ -38,19 +39,25 @@ def recorded(out: Path, part: list[Case], truths: dict[str, dict[str, object]], 
         sealed = {"truth": truths[case.name], "nonce": seals.nonce(secret, case.name)}
         seals.write_json(out / "sealed" / f"{case.name}.json", sealed)
         (out / "recordings" / f"{case.name}.h5").write_bytes(case.name.encode())
-        said = {"format": "ertskin-diagnosis", "format_version": 1, "verdict": "no_mismatch", "effects": []}
-        seals.write_json(out / "diagnoses" / METHOD / case.name / "diagnosis.json", said)
     about = {"families": [], "small": True}
     seals.write_json(out / "commitments.json", commitments(out, NULLS, secret, about))
     return out
 
 
-def test_parts_add_up_to_the_suite_and_open_with_the_last(tmp_path: Path, truths: dict[str, dict[str, object]]) -> None:
+def diagnosed(out: Path, part: list[Case], verdict: str = "no_mismatch", method: str = METHOD) -> Path:
+    """The folder as ``diagnose.py`` leaves it."""
+    for case in part:
+        said = {"format": "ertskin-diagnosis", "format_version": 1, "verdict": verdict, "effects": []}
+        seals.write_json(out / "diagnoses" / method / case.name / "diagnosis.json", said)
+    return out
+
+
+def test_parts_add_up_and_open_with_the_last(tmp_path: Path, truths: Truths) -> None:
     out, results = tmp_path / "out", tmp_path / "results"
     for number, part in enumerate(PARTS):
         last = number == len(PARTS) - 1
         commit(recorded(out, part, truths), results)
-        reveal(out, results, more=not last)
+        assert reveal(diagnosed(out, part), results, more=not last, sample=last) == []
         if not last:
             with pytest.raises(seals.SealError, match=r"opened\.json\.xz: found no such file"):
                 opened(results)
@@ -62,16 +69,28 @@ def test_parts_add_up_to_the_suite_and_open_with_the_last(tmp_path: Path, truths
     assert {one.name: one.verdict for one in judged(results, found)[METHOD]} == dict.fromkeys(found, "no_mismatch")
 
 
-def test_a_suite_that_lacks_a_part_does_not_open(tmp_path: Path, truths: dict[str, dict[str, object]]) -> None:
+def test_a_suite_that_lacks_a_part_does_not_open(tmp_path: Path, truths: Truths) -> None:
     out, results = tmp_path / "out", tmp_path / "results"
     commit(recorded(out, PARTS[0], truths), results)
     commit(recorded(out, PARTS[1], truths), results)
     with pytest.raises(seals.SealError, match=f"no truth of {PARTS[0][0].name}, {PARTS[0][1].name}"):
-        reveal(out, results)
+        reveal(diagnosed(out, PARTS[1]), results, sample=True)
     assert not (results / "opened.json.xz").exists()
 
 
-def test_what_is_committed_stays_as_it_is(tmp_path: Path, truths: dict[str, dict[str, object]]) -> None:
+def test_the_secret_stays_while_cases_it_draws_are_not_committed(tmp_path: Path, truths: Truths) -> None:
+    out, results = tmp_path / "out", tmp_path / "results"
+    commit(recorded(out, NULLS, truths), results)
+    drawn = len(suite(SECRET, [], small=True))
+    with pytest.raises(seals.SealError, match=f"{drawn - len(NULLS)} of the suite's {drawn} cases aren't committed"):
+        reveal(diagnosed(out, NULLS), results)
+    assert not (results / "opened.json.xz").exists()
+    (out / "secret.txt").write_text(bytes(32).hex())
+    with pytest.raises(seals.SealError, match="not the secret committed to"):
+        reveal(out, results, sample=True)
+
+
+def test_what_is_committed_stays_as_it_is(tmp_path: Path, truths: Truths) -> None:
     out, results = tmp_path / "out", tmp_path / "results"
     commit(recorded(out, PARTS[0], truths), results)
     before = (results / "commitments.json").read_bytes()
@@ -84,18 +103,51 @@ def test_what_is_committed_stays_as_it_is(tmp_path: Path, truths: dict[str, dict
         commit(out, results)
     with pytest.raises(seals.SealError, match="another secret or suite"):
         commit(recorded(out, PARTS[1], truths, secret=bytes(32)), results)
+    with pytest.raises(seals.SealError, match=f"{PARTS[1][0].name}.* diagnosed before being committed to"):
+        commit(diagnosed(recorded(out, PARTS[1], truths), PARTS[1]), results)
     assert (results / "commitments.json").read_bytes() == before
 
 
-def test_of_a_part_only_what_was_diagnosed_is_opened(tmp_path: Path, truths: dict[str, dict[str, object]]) -> None:
+def test_nothing_is_committed_to_once_the_secret_is_out(tmp_path: Path, truths: Truths) -> None:
+    out, results = tmp_path / "out", tmp_path / "results"
+    commit(recorded(out, PARTS[0], truths), results)
+    reveal(diagnosed(out, PARTS[0]), results, sample=True)
+    with pytest.raises(seals.SealError, match="open already; nothing more"):
+        commit(recorded(out, PARTS[1], truths), results)
+    with pytest.raises(seals.SealError, match="open already; --more"):
+        reveal(out, results, more=True)
+
+
+def test_of_a_part_only_what_was_diagnosed_is_opened(tmp_path: Path, truths: Truths) -> None:
     out, results = tmp_path / "out", tmp_path / "results"
     commit(recorded(out, NULLS[:3], truths), results)
-    waiting, slow, done = (out / "diagnoses" / METHOD / case.name / "diagnosis.json" for case in NULLS[:3])
-    waiting.unlink()
+    diagnosed(out, NULLS[:1], method="rival")
+    diagnosed(out, NULLS[1:3])
+    slow, done = (out / "diagnoses" / METHOD / case.name / "diagnosis.json" for case in NULLS[1:3])
     slow.rename(slow.with_name("stopped.txt"))
-    reveal(out, results, more=True)
+    assert reveal(out, results, more=True) == [slow.parent.name]
     assert set(seals.read_json(results / "opened_so_far.json.xz")) == {slow.parent.name, done.parent.name}
     assert set(seals.read_json(results / "diagnoses.json.xz")[METHOD]) == {done.parent.name}
+
+
+def test_answers_stay_as_they_were_when_truths_were_opened(tmp_path: Path, truths: Truths) -> None:
+    out, results = tmp_path / "out", tmp_path / "results"
+    part = NULLS[:2]
+    commit(recorded(out, part, truths), results)
+    diagnosed(out, part)
+    slow = out / "diagnoses" / METHOD / part[0].name / "diagnosis.json"
+    slow.rename(slow.with_name("stopped.txt"))
+    reveal(out, results, more=True)
+    before = (results / "diagnoses.json.xz").read_bytes()
+    for changed, verdict in ((part[:1], "no_mismatch"), (part[1:], "unexplained")):
+        with pytest.raises(seals.SealError, match=f"{changed[0].name} answered otherwise"):
+            reveal(diagnosed(recorded(out, part, truths), changed, verdict), results, more=True)
+    assert (results / "diagnoses.json.xz").read_bytes() == before
+    reveal(diagnosed(recorded(out, part, truths), part, method="rival"), results, more=True)
+    said = seals.read_json(results / "diagnoses.json.xz")
+    assert {method: set(found) for method, found in said.items()} == {
+        METHOD: {part[1].name}, "rival": {case.name for case in part}
+    }  # fmt: skip
 
 
 KERNELS = """
@@ -109,7 +161,7 @@ except SystemExit:
 import threadpoolctl
 from numpy._core._multiarray_umath import __cpu_features__
 blas = [pool["architecture"] for pool in threadpoolctl.threadpool_info() if pool["internal_api"] == "openblas"]
-print(json.dumps([blas, __cpu_features__["X86_V4"]]))
+print(json.dumps([blas, __cpu_features__.get("X86_V4", False)]))
 """
 
 

@@ -27,6 +27,7 @@ from small_skin import FOUR_PRESSES, SMALL, four_presses, small_law, small_senso
 from ertskin.diagnosis.contract.claims import Claim, Diagnosis, HeldOut
 from ertskin.diagnosis.fit.joint_fit import VoltageProblem
 from ertskin.diagnosis.fit.solved import Solved
+from ertskin.diagnosis.fit.terms import Term
 from ertskin.diagnosis.judge.answer import _as_chosen
 from ertskin.diagnosis.judge.result import Findings
 from ertskin.diagnosis.linear.calibration_vector import SHAPE, Calibration, SkinFamily
@@ -252,11 +253,13 @@ def test_what_a_rival_has_chosen_is_fitted_again_not_chosen_again() -> None:
     once = rivals.Once(chooses)
     first = once(lambda solved: problem_of(TILTED), (), (), START, PARTITIONS, silent)
     less = replace(TILTED, stretch_diagonal=0.01)
-    again = once(lambda solved: problem_of(less), (), (), START, PARTITIONS, silent)
+    loop = Term(PiezoHysteresis(width=0.05), ("width",))
+    begun = [(one.term, one.rivals) for one in first.chosen if one.term.name == TILTED.name]
+    again = once(lambda solved: problem_of(less), [loop], begun, START, PARTITIONS, silent)
     assert len(calls) == 1
-    assert again.chosen == first.chosen
-    assert [term.name for term in again.after.terms] == [term.name for term in first.after.terms]
-    tilts = [next(t.effect for t in one.after.terms if t.name == TILTED.name) for one in (first, again)]
+    assert [one.term.name for one in again.chosen] == [TILTED.name]
+    assert [term.name for term in again.after.terms] == [loop.name, TILTED.name]
+    tilts = [next(one.term.effect for one in found.chosen if one.term.name == TILTED.name) for found in (first, again)]
     assert [tilt.value("stretch_diagonal") for tilt in tilts] == pytest.approx([0.02, 0.01], rel=0.1)
 
 

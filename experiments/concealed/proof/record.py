@@ -21,8 +21,9 @@ from typing import Any
 for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(variable, "1")
 if __name__ == "__main__":
-    # The last bits hang on which kernels the processor has. These any with AVX2 has: they make the same bytes on all.
-    os.environ |= {"OPENBLAS_CORETYPE": "Haswell", "NPY_DISABLE_CPU_FEATURES": "X86_V4 AVX512_ICL AVX512_SPR"}
+    # The last bits hang on which kernels the processor has: these any with AVX2 has.
+    os.environ.setdefault("OPENBLAS_CORETYPE", "Haswell")
+    os.environ.setdefault("NPY_DISABLE_CPU_FEATURES", "X86_V4 AVX512_ICL AVX512_SPR")
 
 import seals  # noqa: E402
 from generator.effect import Effect  # noqa: E402
