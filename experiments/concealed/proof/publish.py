@@ -104,7 +104,9 @@ def _answers(out: Path, results: Path, cases: dict[str, Any], before: dict[str, 
     for folder in sorted(path for path in (out / "diagnoses").glob("*") if path.is_dir()):
         found = {path.parent.name: json.loads(path.read_text()) for path in sorted(folder.glob("*/diagnosis.json"))}
         mine, known = {name: one for name, one in found.items() if name in cases}, said.get(folder.name)
-        changed = [name for name, one in mine.items() if known and name in before and known.get(name) != one]
+        changed = [
+            name for name, one in mine.items() if known is not None and name in before and known.get(name) != one
+        ]
         if changed:
             raise seals.SealError(f"{folder}: {', '.join(changed)} answered otherwise than when their truth was opened")
         said[folder.name] = {**(known or {}), **mine}
