@@ -17,6 +17,8 @@ LEAST_OHM = 1e-2
 """What no pressure brings a contact below."""
 STRAIGHT = 1e-6
 """Bend that is as good as none."""
+BEGUN_PATHS, BEGUN_ORDER = 10.0, 2.0
+"""Of a percolating contact, where its fits begin: the power of networks in three dimensions is 1.6 to 2."""
 
 
 @dataclass(frozen=True)
@@ -28,10 +30,16 @@ class ContactPressureDependence(ElectrodeEffect):
     At ``bend`` 1 conductance grows in proportion to the load, at 2 with its root; towards 0 resistance falls
     exponentially. ``sensitivity_per_pa``, the relative fall at first, is neutral at 0. ``fixed_share`` of the
     resistance no load takes: that of the lead and of the current spreading in the pad.
+
+    A contact of grains ``percolates``: of the paths through it the part p = 1 - exp(-sensitivity q) is closed, and its
+    conductance is 1 + ``paths`` p^``order`` times that at rest.
     """
 
     name: ClassVar[str] = "contact_pressure_dependence"
-    source: ClassVar[str] = "Holm, Electric Contacts (1967): constriction resistance as a power of the load"
+    source: ClassVar[str] = (
+        "Holm, Electric Contacts (1967): constriction resistance as a power of the load; S. Kirkpatrick, Rev. Mod."
+        " Phys. 45 (1973) 574: conductance of a network as a power of the paths closed"
+    )
     form_error: ClassVar[float] = 0.3
     by_pressure: ClassVar[bool] = True
     hypothesis: ClassVar[Hypothesis] = Hypothesis((Axis.ELECTRODE, Axis.FORCE), (Signal.READINGS,), (Need.PRESSES,))
@@ -39,14 +47,27 @@ class ContactPressureDependence(ElectrodeEffect):
     sensitivity_per_pa: float = parameter("1/Pa", 0.0, 0.1, 0.0, 2e-5, "relative fall per pressure, at first")
     bend: float = parameter("1", 0.0, 10.0, 1.0, 0.2, "one over the power of the load", defining=False)
     fixed_share: float = parameter("1", 0.0, 0.95, 0.0, 0.05, "part of the resistance no load takes", defining=False)
+    paths: float = parameter(
+        "1", 0.0, 1e3, 0.0, 1.0, "conductance that closed paths add, over that at rest", defining=False
+    )
+    order: float = parameter(
+        "1", 1.0, 8.0, 2.0, 0.5, "power of the paths closed that conductance grows with", defining=False
+    )
+    percolates: bool = False
     evenly: bool = False
     """Whether the pressure on a contact is the same all over it."""
 
     def contact_resistance_ohm(self, resistance_ohm: Array, pressure_pa: Array, time_s: Array) -> Array:
         load = self.sensitivity_per_pa * np.maximum(pressure_pa, 0.0)
-        pressed = np.exp(-load) if self.bend < STRAIGHT else (1 + self.bend * load) ** (-1 / self.bend)
+        pressed = self._pressed(load)
         kept = self.fixed_share + (1 - self.fixed_share) * pressed
         return np.asarray(np.maximum(resistance_ohm * kept, np.minimum(resistance_ohm, LEAST_OHM)))
+
+    def _pressed(self, load: Array) -> Array:
+        """Part that a ``load``, sensitivity times pressure, leaves of the resistance that falls."""
+        if self.percolates:
+            return np.asarray(1 / (1 + self.paths * (-np.expm1(-load)) ** self.order))
+        return np.asarray(np.exp(-load) if self.bend < STRAIGHT else (1 + self.bend * load) ** (-1 / self.bend))
 
     def quantities(self, standard: Standard) -> dict[str, float]:
         """Contact conductance at half the specimen's stress over that at rest, less one."""
@@ -64,6 +85,14 @@ class ContactPressureDependence(ElectrodeEffect):
         )
 
     def freer(self, free: tuple[str, ...]) -> tuple[Start, ...]:
-        if "fixed_share" in free:
+        if self.percolates or "fixed_share" in free or self.sensitivity_per_pa == 0:
             return ()
-        return (Start(self.changed({"bend": 1.0, "fixed_share": 0.2}), (*free, "fixed_share")),)
+        return (Start(self.changed({"bend": 1.0, "fixed_share": 0.2}), (*free, "fixed_share")), self._percolating())
+
+    def _percolating(self) -> Start:
+        """Paths that close about where the conductance has doubled."""
+        bend = max(self.bend, STRAIGHT)
+        doubled = (2**bend - 1) / bend / self.sensitivity_per_pa
+        closing = -np.log1p(-(BEGUN_PATHS ** (-1 / BEGUN_ORDER))) / doubled
+        form = {"sensitivity_per_pa": float(closing), "paths": BEGUN_PATHS, "order": BEGUN_ORDER, "percolates": True}
+        return Start(self.changed(form | {"bend": 1.0, "fixed_share": 0.0}), ("sensitivity_per_pa", "paths", "order"))

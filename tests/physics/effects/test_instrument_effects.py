@@ -303,6 +303,26 @@ def test_contacts_may_fall_as_a_power_of_the_load_or_exponentially() -> None:
     np.testing.assert_allclose(fallen(1e-4), fallen(0.0), rtol=1e-3)
 
 
+def test_a_contact_of_grains_conducts_as_a_power_of_the_paths_that_pressure_closes() -> None:
+    effect = ContactPressureDependence(sensitivity_per_pa=1e-4, paths=9.0, order=2.0, percolates=True)
+    load, resistance = np.array([[0.0, np.log(2) * 1e4, 1e9]]), np.full((1, 3), 300.0)
+    fallen = effect.contact_resistance_ohm(resistance, load, np.zeros(1))[0]
+    np.testing.assert_allclose(fallen, [300.0, 300.0 / (1 + 9 / 4), 300.0 / 10], rtol=1e-6)
+
+
+@pytest.mark.parametrize("bend", [0.0, 0.5, 2.0])
+def test_its_fits_begin_where_the_law_they_are_freed_from_has_doubled_the_conductance(bend: float) -> None:
+    simple = ContactPressureDependence(sensitivity_per_pa=1e-4, bend=bend)
+    percolating = simple.freer(("sensitivity_per_pa", "bend"))[-1]
+    assert isinstance(percolating.effect, ContactPressureDependence)
+    assert percolating.effect.percolates
+    assert percolating.effect.freer(percolating.free) == ()
+    load, resistance = np.linspace(0, 4e4, 400), np.full(400, 300.0)
+    both = [one.contact_resistance_ohm(resistance, load, np.zeros(400)) for one in (simple, percolating.effect)]
+    doubled = [load[np.searchsorted(-fallen, -150.0)] for fallen in both]
+    assert doubled[0] == pytest.approx(doubled[1], abs=200)
+
+
 def every_instrument() -> list[AcquisitionEffect]:
     """The first start of every effect on the readings, and of its freed forms."""
     found = []

@@ -29,12 +29,18 @@ thirty-one opened samples and `final310` were off by 0.13 (rms), known to 0.10; 
 
 @dataclass(frozen=True)
 class ForceAnswer:
-    """Claims of effects of foam and stage; rms misfits in newton, None without forces; ``off`` where more is off."""
+    """Claims of effects of foam and stage; rms misfits in newton, None without forces; ``off`` where more is off.
+
+    ``off_by`` is the rms misfit of all forces over the load cell's noise, ``most_off`` the fewest presses that hold
+    half of what is more than noise.
+    """
 
     claims: tuple[Claim, ...]
     before_n: float | None
     after_n: float | None
     off: bool
+    off_by: float = 0.0
+    most_off: tuple[int, ...] = ()
 
 
 def force_answer(evidence: Evidence, baseline: Baseline, selection: Selection, held: Indices) -> ForceAnswer:
@@ -59,7 +65,17 @@ def force_answer(evidence: Evidence, baseline: Baseline, selection: Selection, h
     off = _off(evidence, baseline)
     if off:
         claims = left_over_of_force(claims, before / noise, after / noise, evidence.criteria)
-    return ForceAnswer(tuple(claims), before, after, off)
+    return ForceAnswer(tuple(claims), before, after, off, *_where_off(evidence.history, best))
+
+
+def _where_off(history: History, fit: ForceFit) -> tuple[float, tuple[int, ...]]:
+    """Rms residual, and the fewest presses that hold half of the excess of its square."""
+    square = fit.residual**2
+    excess = {int(p): float(np.nansum(square[history.press == p] - 1)) for p in np.unique(history.press)}
+    largest = sorted(excess, key=lambda press: -excess[press])
+    held = np.cumsum([excess[press] for press in largest])
+    enough = int(np.searchsorted(held, 0.5 * sum(excess.values()))) + 1
+    return float(np.sqrt(np.nanmean(square))), tuple(sorted(largest[:enough]))
 
 
 def _predicted_n(evidence: Evidence, baseline: Baseline, fit: ForceFit, held: Indices) -> float:

@@ -56,6 +56,8 @@ from ertskin.physics.effects.hypothesis import Measured, Signal
 from ertskin.physics.effects.registry import measured_as
 
 SPOILT = "presses that no fit has seen are predicted worse with what is named than without"
+MOST_SAID = 3
+"""Presses whose forces are off that are said one by one."""
 MISREAD = "the sheet feels force that the load cell doesn't show: it may meet a stop or be at its limit"
 
 
@@ -190,7 +192,7 @@ def _depends_on(case: Case, claims: list[Claim], verdict: str, jitters: bool, te
     axes: list[str] = [axis for claim in claims for axis in claim.effect.hypothesis.axes]
     if verdict == "unexplained":
         axes = ["electrode", "time"] if jitters else depends_on(tests, case.criteria)
-    if case.misread:
+    if case.misread or (case.force.off and not claims):
         axes.append("force")
     if case.selection.specimen == "disagrees":
         axes.append("specimen")
@@ -296,10 +298,12 @@ def _stage(case: Case, claims: list[Claim], verdict: str, jitters: bool) -> str 
         return str(claims[0].effect.stage)
     if verdict != "unexplained":
         return None
-    nothing_else = case.found.ratio_before <= case.criteria.mismatch_ratio and not case.force.off
-    if case.instrument_off or (case.faulty and nothing_else):
+    readings_fit = case.found.ratio_before <= case.criteria.mismatch_ratio
+    if case.instrument_off or (case.faulty and readings_fit and not case.force.off):
         return str(Stage.ACQUISITION)
-    return str(Stage.ELECTRODES) if jitters else None
+    if jitters:
+        return str(Stage.ELECTRODES)
+    return str(Stage.MECHANICS) if case.force.off and readings_fit else None
 
 
 def _verdict(case: Case, claims: list[Claim], jitters: bool) -> str:
@@ -348,6 +352,8 @@ def _reason(case: Case, claims: list[Claim], jitters: bool) -> str | None:
         )
     if case.misread:
         said.append(MISREAD)
+    if case.force.off:
+        said.append(_off_force(case.force))
     by_place = [claim.effect.name for claim in claims if claim.by_place]
     said += [f"{name} is known only where something has pressed: press at the other places" for name in by_place]
     said += [
@@ -360,6 +366,13 @@ def _reason(case: Case, claims: list[Claim], jitters: bool) -> str | None:
     if case.selection.specimen == "disagrees":
         said.append("the specimen and the skin disagree, two pieces of fabric: the skin is judged by its own readings")
     return "; ".join(said) or None
+
+
+def _off_force(force: ForceAnswer) -> str:
+    """How far force over depth is off, and where, if few presses are it."""
+    few = force.most_off if len(force.most_off) <= MOST_SAID else ()
+    where = f", mostly in press {', '.join(map(str, few))}: repeat it" if few else ""
+    return f"forces over depth are off by {force.off_by:.1f} times the load cell's noise{where}"
 
 
 def _p_value(found: Predictions, claims: list[Claim], noise_error: float) -> float:

@@ -49,6 +49,8 @@ ROUNDING = 1e-12
 """Part of the largest reading that is nothing: what is left of one whose only twin is left out."""
 LEAST_FREEDOM = 0.05
 """Readings that a network follows more closely than this say nothing about the noise."""
+MOST_ALIKE = 0.9
+"""Part of the readings of one channel that fall short from which on they stop at one value."""
 
 
 class CannotTell(Exception):
@@ -288,16 +290,33 @@ def leftover_freedom(protocol: Protocol, present: NDArray[np.bool_]) -> Array:
 def _channels_restored(
     protocol: Protocol, voltage: Array, scan: Array, spike: NDArray[np.bool_]
 ) -> tuple[Array, NDArray[np.bool_]]:
-    """Scans and spikes with whole channels put back that despiking took for spikes: an error of theirs stands."""
+    """Scans and spikes with whole channels put back that despiking took for spikes: an error of theirs stands.
+
+    What stops at one value where it should go on is no error of a channel, though one alone may read as much.
+    """
     present = np.isfinite(voltage)
     share = (spike & present).mean(axis=(0, 1))
     systematic = (share > MOST_SPIKES) & (share > 10 * np.median(share))
     if not systematic.any():
         return scan, spike
-    kept = spike.copy()
-    kept[..., systematic] = ~present[..., systematic]
     fitted = (scan @ protocol.orthonormal.T).reshape(voltage.shape)
+    kept = spike.copy()
+    for channel in np.flatnonzero(systematic):
+        stopped = _stopped(voltage[..., channel], fitted[..., channel], spike[..., channel])
+        kept[..., channel] = ~present[..., channel] | stopped
     return _scans_without(protocol, voltage, fitted, kept | ~present), kept
+
+
+def _stopped(voltage: Array, fitted: Array, spike: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """(T,K) readings of one channel that fall short of what they should be, where all such have one value and noise."""
+    known = np.isfinite(voltage) & np.isfinite(fitted)
+    short = spike & known & (voltage < fitted)
+    scatter = robust_std((voltage - fitted)[known & ~spike])
+    if short.sum() < FEWEST_SHORT:
+        return np.zeros_like(short)
+    alike = np.abs(voltage - np.median(voltage[short])) < SPIKE * scatter
+    differ = float(fitted[short].std()) > SPIKE * scatter
+    return short & alike if differ and alike[short].mean() > MOST_ALIKE else np.zeros_like(short)
 
 
 def _compressed(voltage: Array, fitted: Array, spike: NDArray[np.bool_], rest: NDArray[np.bool_]) -> bool:

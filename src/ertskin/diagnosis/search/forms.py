@@ -16,7 +16,7 @@ def form_of(term: Term) -> tuple[object, ...]:
 
 def law_of(term: Term) -> tuple[bool, ...]:
     """The laws that an effect may obey."""
-    flags = "remembers_air", "multiplies", "ages", "by_steps", "evenly"
+    flags = "remembers_air", "multiplies", "ages", "by_steps", "evenly", "percolates"
     return tuple(bool(getattr(term.effect, flag, False)) for flag in flags)
 
 

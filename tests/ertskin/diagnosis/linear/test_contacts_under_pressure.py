@@ -21,6 +21,7 @@ from ertskin.physics.skin import Skin
 
 SCAN = Protocol.against_sink(electrode_pairs(6), 6, 1e-4)
 FOLLOWING = ContactPressureDependence(sensitivity_per_pa=3e-4, bend=0.5)
+PERCOLATING = ContactPressureDependence(sensitivity_per_pa=1e-4, paths=10.0, order=2.5, percolates=True)
 
 
 @pytest.fixture(scope="module")
@@ -80,16 +81,26 @@ def test_a_contact_that_is_pressed_evenly_conducts_alike_all_over() -> None:
     np.testing.assert_allclose(ohm[0, 1], alone)
 
 
-@pytest.mark.parametrize("changed", [{"sensitivity_per_pa": 4e-4}, {"bend": 0.8}], ids=str)
+@pytest.mark.parametrize(
+    ("contact", "changed"),
+    [
+        (FOLLOWING, {"sensitivity_per_pa": 4e-4}),
+        (FOLLOWING, {"bend": 0.8}),
+        (PERCOLATING, {"sensitivity_per_pa": 1.2e-4}),
+        (PERCOLATING, {"paths": 12.0}),
+        (PERCOLATING, {"order": 3.0}),
+    ],
+    ids=str,
+)
 def test_the_linearised_skin_follows_contacts_that_follow_their_pressure(
-    history: History, changed: dict[str, float]
+    history: History, contact: ContactPressureDependence, changed: dict[str, float]
 ) -> None:
-    skin = skin_with(FOLLOWING)
+    skin = skin_with(contact)
     contact_m = np.where(np.isfinite(history.contact_m), beside(skin, 1), np.nan)
     near = replace(history, contact_m=contact_m)
     force_n = np.nan_to_num(skin.force_n(near))
     linear = LinearSkin(skin, near, force_n, np.arange(len(near)), None)
-    moved = replace(skin, effects=(FOLLOWING.changed(changed),))
+    moved = replace(skin, effects=(contact.changed(changed),))
     before, after = (SCAN.whitened(one.pair_resistance_ohm(near, force_n)) for one in (skin, moved))
     np.testing.assert_allclose(linear.scans(skin, force_n), before, atol=0.02 * np.abs(after - before).max())
     change = linear.scans(moved, force_n) - linear.scans(skin, force_n)

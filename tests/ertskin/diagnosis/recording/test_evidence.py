@@ -262,6 +262,25 @@ def test_what_a_press_takes_to_between_limit_and_rest_stays_left_out() -> None:
     assert np.abs(fitted - clean)[~rest].max() < 10 * NOISE_V
 
 
+def test_readings_at_the_limit_stay_left_out_where_one_channel_has_them_all() -> None:
+    """A contact that resists most takes its own electrode's channel, and no other, to the limit."""
+    protocol, rng = Protocol.against_sink(electrode_pairs(16), 16, 1e-4), np.random.default_rng(8)
+    contact = np.full(16, 1e4)
+    contact[0] = 3e4
+    source, sink = np.triu_indices(16, 1)
+    pairs = contact[source] + contact[sink] + 5e3 * rng.random(len(source))
+    clean = np.repeat(protocol.readings(pairs[None]), FRAMES, axis=0)
+    limit = float(np.quantile(clean, 0.997))
+    voltage = np.minimum(clean, limit) + NOISE_V * rng.standard_normal(clean.shape)
+    beyond = clean > limit + 10 * NOISE_V
+    assert np.flatnonzero(beyond.any(axis=(0, 1))).tolist() == [0]
+    scan, spike, bent = _scans(protocol, voltage, np.arange(FRAMES) < 5, saturated=False)
+    assert bent
+    assert spike[beyond].all()
+    fitted = (scan @ protocol.orthonormal.T).reshape(clean.shape)
+    assert np.abs(fitted - clean).max() < 10 * NOISE_V
+
+
 def test_a_channel_of_low_gain_is_no_bent_converter(protocol: Protocol) -> None:
     voltage = readings(protocol, 7)
     largest = int(voltage.max(axis=(0, 1)).argsort()[-2])
