@@ -85,9 +85,11 @@ class ContactPressureDependence(ElectrodeEffect):
         )
 
     def freer(self, free: tuple[str, ...]) -> tuple[Start, ...]:
-        if self.percolates or "fixed_share" in free or self.sensitivity_per_pa == 0:
+        """With a part that no load takes; percolating."""
+        if self.percolates or self.sensitivity_per_pa == 0:
             return ()
-        return (Start(self.changed({"bend": 1.0, "fixed_share": 0.2}), (*free, "fixed_share")), self._percolating())
+        partly = Start(self.changed({"bend": 1.0, "fixed_share": 0.2}), (*free, "fixed_share"))
+        return (self._percolating(),) if "fixed_share" in free else (partly, self._percolating())
 
     def _percolating(self) -> Start:
         """Paths that close about where the conductance has doubled."""

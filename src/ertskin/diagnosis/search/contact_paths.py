@@ -12,6 +12,7 @@ from ertskin.diagnosis.fit.full_solution_check import CheckedFit
 from ertskin.diagnosis.fit.joint_fit import VoltageProblem
 from ertskin.diagnosis.fit.solved import Solved
 from ertskin.diagnosis.fit.terms import Term
+from ertskin.diagnosis.search.trials import may_drift
 from ertskin.physics.effects.effect import Effect
 from ertskin.physics.effects.hypothesis import Measured
 
@@ -29,6 +30,15 @@ def is_path(effect: Effect) -> bool:
 def without_paths(terms: Sequence[Term]) -> list[Term]:
     """The terms that aren't paths of contacts."""
     return [term for term in terms if not is_path(term.effect)]
+
+
+def without_paths_of_drifting_channels(terms: Sequence[Term]) -> list[Term]:
+    """The terms but for paths of contacts whose electrode is read by a channel that may drift.
+
+    What a channel makes of its own electrode's potential is nearly what the contact's resistance makes of it.
+    """
+    drifting = {getattr(term.effect, "channel", None) for term in terms if may_drift(term)} - {None}
+    return [t for t in terms if not (is_path(t.effect) and getattr(t.effect, "electrode", None) in drifting)]
 
 
 def changed_by_paths(problem: VoltageProblem, solved: Solved) -> list[tuple[Effect, Array]]:

@@ -19,7 +19,11 @@ from ertskin.diagnosis.search.backward import backward, with_fields_by_place, wi
 from ertskin.diagnosis.search.behind_fields import behind_field, smooth_fields_of
 from ertskin.diagnosis.search.candidates import screen
 from ertskin.diagnosis.search.chosen import Chosen, Rivals, Selection, carried, key_of
-from ertskin.diagnosis.search.contact_paths import as_good_at_rest, without_paths
+from ertskin.diagnosis.search.contact_paths import (
+    as_good_at_rest,
+    without_paths,
+    without_paths_of_drifting_channels,
+)
 from ertskin.diagnosis.search.entering import first_to_hold, likely, of_few_numbers, promises, short_of
 from ertskin.diagnosis.search.exchange import exchanged, gain_of_exchange
 from ertskin.diagnosis.search.form_error import form_error
@@ -517,14 +521,16 @@ def _begun(build: Problem, without: CheckedFit, terms: Sequence[Term]) -> Checke
 
 
 def _without_drifts(build: Problem, incumbent: CheckedFit, fixed: Sequence[Term]) -> tuple[CheckedFit, Sequence[Term]]:
-    """The fit and its fixed terms without contacts that wander, where places that creep explain as much at rest."""
-    still = without_paths(incumbent.solved.terms)
-    if not _remembers_air(incumbent.solved) or len(still) == len(incumbent.solved.terms):
+    """The fit and its fixed terms without contacts that wander, where places that creep, or channels of theirs that
+    drift, explain as much at rest."""
+    terms = incumbent.solved.terms
+    still = without_paths(terms) if _remembers_air(incumbent.solved) else without_paths_of_drifting_channels(terms)
+    if len(still) == len(terms):
         return incumbent, fixed
     proposed = where_it_settles(build, None, incumbent.problem.solve(still, incumbent.solved.calibration))
     if proposed is None or proposed.spoils(incumbent) or not as_good_at_rest(proposed, incumbent):
         return incumbent, fixed
-    return proposed, without_paths(fixed)
+    return proposed, [term for term in fixed if term in still]
 
 
 def _as_good_alone(build: Problem, fit: CheckedFit, contacts: Sequence[Term]) -> bool:

@@ -11,7 +11,14 @@ import pytest
 from numpy.typing import NDArray
 
 from ertskin.diagnosis.criteria import DEFAULT
-from ertskin.diagnosis.search.contact_paths import as_good_at_rest, changed_by_paths, without_paths
+from ertskin.diagnosis.search.contact_paths import (
+    as_good_at_rest,
+    changed_by_paths,
+    without_paths,
+    without_paths_of_drifting_channels,
+)
+from ertskin.physics.effects.adc_saturation import AdcSaturation
+from ertskin.physics.effects.channel_gain import ChannelGain
 from ertskin.physics.effects.contact_drift import ContactDrift
 from ertskin.physics.effects.effect import Effect
 from ertskin.physics.effects.sheet_anisotropy import SheetAnisotropy
@@ -65,6 +72,15 @@ def test_what_a_path_changes_is_what_the_scans_lack_without_it() -> None:
 def test_terms_without_paths() -> None:
     path, other = SimpleNamespace(effect=RISING), SimpleNamespace(effect=EVEN)
     assert without_paths([path, other]) == [other]  # type: ignore[list-item]
+
+
+@pytest.mark.parametrize(
+    ("effect", "stay"), [(ChannelGain(3), False), (ChannelGain(2), True), (AdcSaturation(), True), (EVEN, True)]
+)
+def test_a_path_may_be_owed_to_the_channel_that_reads_its_electrode(effect: Effect, stay: bool) -> None:
+    path, other = SimpleNamespace(effect=RISING), SimpleNamespace(effect=effect)
+    terms: list[Any] = [path, other]
+    assert without_paths_of_drifting_channels(terms) == ([path, other] if stay else [other])
 
 
 def test_a_path_that_nothing_stands_in_for_stays_though_it_changes_hardly_anything() -> None:
