@@ -34,13 +34,14 @@ def agreed(
     """The effects of the force chosen again where the readings have a say in them, and the selection beside these.
 
     An effect that the readings show significantly, but not so that it was chosen by them, and that is then one of the
-    force's is fitted to both.
+    force's is fitted to both. One that they have chosen counts for what they gain with it: what forces alone made of
+    its part of them may be other foam.
     """
     data, best = baseline.force_data, baseline.force_best
     if data is None or best is None or not best.effects:
         return baseline, selection
-    chosen = {one.term.name for one in selection.chosen}
-    gains: dict[str, float] = {}
+    chosen = {one.term.name: one.loss for one in selection.chosen}
+    gains = {name: chosen[name] for name in force_starts() if name in chosen}
     seen: list[Effect] = []
     for kind in effects_shown_by(Signal.FORCE):
         undecided = kind.name not in chosen and shown_by(kind, Signal.READINGS)
