@@ -31,8 +31,8 @@ thirty-one opened samples and `final310` were off by 0.13 (rms), known to 0.10; 
 class ForceAnswer:
     """Claims of effects of foam and stage; rms misfits in newton, None without forces; ``off`` where more is off.
 
-    ``off_by`` is the rms misfit of all forces over the load cell's noise, ``most_off`` the fewest presses that hold
-    half of what is more than noise.
+    Then ``off_by`` is the rms misfit of all forces over the load cell's noise, ``most_off`` the fewest presses that
+    hold half of what is more than noise.
     """
 
     claims: tuple[Claim, ...]
@@ -65,7 +65,8 @@ def force_answer(evidence: Evidence, baseline: Baseline, selection: Selection, h
     off = _off(evidence, baseline)
     if off:
         claims = left_over_of_force(claims, before / noise, after / noise, evidence.criteria)
-    return ForceAnswer(tuple(claims), before, after, off, *_where_off(evidence.history, best))
+    where = _where_off(evidence.history, best) if off else (0.0, ())
+    return ForceAnswer(tuple(claims), before, after, off, *where)
 
 
 def _where_off(history: History, fit: ForceFit) -> tuple[float, tuple[int, ...]]:

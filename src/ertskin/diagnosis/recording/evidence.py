@@ -311,9 +311,10 @@ def _stopped(voltage: Array, fitted: Array, spike: NDArray[np.bool_]) -> NDArray
     """(T,K) readings of one channel that fall short of what they should be, where all such have one value and noise."""
     known = np.isfinite(voltage) & np.isfinite(fitted)
     short = spike & known & (voltage < fitted)
-    scatter = robust_std((voltage - fitted)[known & ~spike])
-    if short.sum() < FEWEST_SHORT:
+    straight = known & ~spike
+    if short.sum() < FEWEST_SHORT or not straight.any():
         return np.zeros_like(short)
+    scatter = robust_std((voltage - fitted)[straight])
     alike = np.abs(voltage - np.median(voltage[short])) < SPIKE * scatter
     differ = float(fitted[short].std()) > SPIKE * scatter
     return short & alike if differ and alike[short].mean() > MOST_ALIKE else np.zeros_like(short)

@@ -281,6 +281,14 @@ def test_readings_at_the_limit_stay_left_out_where_one_channel_has_them_all() ->
     assert np.abs(fitted - clean).max() < 10 * NOISE_V
 
 
+def test_a_channel_whose_readings_are_all_spikes_is_put_back_whole(protocol: Protocol) -> None:
+    voltage = readings(protocol, 9)
+    scan, spike = despiked(protocol, voltage)
+    spike[..., 3] = True
+    _, kept = _channels_restored(protocol, voltage, scan, spike)
+    assert not kept[..., 3].any()
+
+
 def test_a_channel_of_low_gain_is_no_bent_converter(protocol: Protocol) -> None:
     voltage = readings(protocol, 7)
     largest = int(voltage.max(axis=(0, 1)).argsort()[-2])
