@@ -397,7 +397,8 @@ def _too_small(unnamed: Tried) -> str:
 def _off_force(force: ForceAnswer) -> str:
     """How far force over depth is off, and where, if few presses are it."""
     few = force.most_off if len(force.most_off) <= MOST_SAID else ()
-    where = f", mostly in press {', '.join(map(str, few))}: repeat it" if few else ""
+    said = f"press {few[0]}: repeat it" if len(few) == 1 else f"presses {', '.join(map(str, few))}: repeat them"
+    where = f", mostly in {said}" if few else ""
     return f"forces over depth are off by {force.off_by:.1f} times the load cell's noise{where}"
 
 

@@ -60,7 +60,9 @@ def test_beside_what_is_chosen_it_is_owed_to_that_ones_form() -> None:
 
 
 @pytest.mark.parametrize(
-    ("presses", "where"), [((5,), ", mostly in press 5: repeat it"), ((1, 2, 3, 4), "")], ids=["one", "many"]
+    ("presses", "where"),
+    [((5,), ", mostly in press 5: repeat it"), ((5, 7), ", mostly in presses 5, 7: repeat them"), ((1, 2, 3, 4), "")],
+    ids=["one", "two", "many"],
 )
 def test_forces_that_are_off_are_said_and_where(presses: tuple[int, ...], where: str) -> None:
     case = case_of(force=ForceAnswer((), 0.01, 0.01, off=True, off_by=1.62, most_off=presses))
