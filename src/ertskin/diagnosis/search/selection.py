@@ -530,7 +530,8 @@ def _without_drifts(build: Problem, incumbent: CheckedFit, fixed: Sequence[Term]
     proposed = where_it_settles(build, None, incumbent.problem.solve(still, incumbent.solved.calibration))
     if proposed is None or proposed.spoils(incumbent) or not as_good_at_rest(proposed, incumbent):
         return incumbent, fixed
-    return proposed, [term for term in fixed if term in still]
+    # Fitted, the fixed ones are the first of the terms.
+    return proposed, [one for one, term in zip(fixed, terms, strict=False) if any(term is kept for kept in still)]
 
 
 def _as_good_alone(build: Problem, fit: CheckedFit, contacts: Sequence[Term]) -> bool:

@@ -11,6 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 from ertskin.diagnosis.criteria import DEFAULT
+from ertskin.diagnosis.search import selection
 from ertskin.diagnosis.search.contact_paths import (
     as_good_at_rest,
     changed_by_paths,
@@ -104,3 +105,26 @@ def test_what_little_comes_by_chance_is_not_missed() -> None:
 
 def test_a_material_rise_is_missed_whoever_made_it() -> None:
     assert not as_good_at_rest(fit(0.12, 1.05), fit(0.12, 1.0))
+
+
+def test_fixed_terms_stay_but_for_the_path_whose_channel_drifts_however_they_are_fitted(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    before: list[Any] = [SimpleNamespace(effect=EVEN, name="even"), SimpleNamespace(effect=RISING, name="path")]
+    fitted: list[Any] = [*(SimpleNamespace(**vars(one)) for one in before), SimpleNamespace(effect=ChannelGain(3))]
+    solved = SimpleNamespace(terms=tuple(fitted), effects=(), calibration=None)
+    problem = SimpleNamespace(solve=lambda terms, calibration: SimpleNamespace(terms=tuple(terms), effects=()))
+    incumbent: Any = SimpleNamespace(problem=problem, solved=solved)
+    settled: list[Any] = []
+
+    def where_it_settles(build: object, problem: object, solved: Any) -> Any:
+        settled.append(solved)
+        return SimpleNamespace(solved=solved, spoils=lambda other: False)
+
+    monkeypatch.setattr(selection, "where_it_settles", where_it_settles)
+    for as_good in (True, False):
+        monkeypatch.setattr(selection, "as_good_at_rest", lambda without, present, good=as_good: good)
+        found, fixed = selection._without_drifts(None, incumbent, before)  # type: ignore[arg-type]
+        assert fixed == (before[:1] if as_good else before)
+        assert found.solved.terms == ((fitted[0], fitted[2]) if as_good else solved.terms)
+    assert len(settled) == 2
