@@ -64,13 +64,13 @@ class Guardian:
         self._thread = threading.get_ident()
         self._said_s = 0.0
         fields = {"stage": dict(stage), "height_m": height_m, "speed_m_s": speed_m_s}
-        self._words = json.dumps(fields | {"process": os.getpid(), "hang_s": hang_s})
-        self._process = self._begun()
+        self._fields = fields | {"process": os.getpid(), "hang_s": hang_s}
+        self._process = self._begun(self.down)
 
     def tell(self, down: bool) -> None:
         """Say whether the stage may be down from now on. A second process that was killed is begun anew."""
         if self._process.poll() is not None:
-            self._process = self._begun()
+            self._process = self._begun(down)
         elif down == self.down:
             return
         self.down = down
@@ -83,7 +83,7 @@ class Guardian:
         if self._process.poll() is not None:
             # A machine that can't begin another just now must not keep the stage from being raised.
             with suppress(OSError):
-                self._process = self._begun()
+                self._process = self._begun(self.down)
         self._say(DOWN)
 
     def hand_over(self) -> bool:
@@ -100,9 +100,11 @@ class Guardian:
             with suppress(subprocess.TimeoutExpired):
                 self._process.wait(LEAVE_S)
 
-    def _begun(self) -> subprocess.Popen[bytes]:
+    def _begun(self, down: bool) -> subprocess.Popen[bytes]:
+        # It knows from its first moment where the stage is: what begins it may be killed before the pipe says so.
+        words = json.dumps(self._fields | {"down": down})
         # Out of reach of what stops the recording: the terminal's Ctrl-C and its closing.
-        command = [sys.executable, "-m", "ertskin.hardware.guardian", self._words]
+        command = [sys.executable, "-m", "ertskin.hardware.guardian", words]
         group = getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0)
         process = subprocess.Popen(
             command, bufsize=0, stdin=subprocess.PIPE, start_new_session=True, creationflags=group
@@ -205,13 +207,15 @@ class _Recording:
                     os.kill(self._process, getattr(signal, name))
 
 
-def last_word(heard: queue.Queue[bytes], hang_s: float, ask_to_end: Callable[[], None]) -> bytes:
+def last_word(heard: queue.Queue[bytes], hang_s: float, ask_to_end: Callable[[], None], word: bytes = UP) -> bytes:
     """The last word of a recording that closed its pipe, which ends what is ``heard`` with an empty one; or ``HUNG``.
+
+    ``word`` is what was known before it said any.
 
     Silence is measured in waits of one second in which nothing came, not by a clock: while the machine sleeps, or this
     process is stopped, none is counted, whatever the clock says afterwards.
     """
-    word, left_s, asked = UP, hang_s, False
+    left_s, asked = hang_s, False
     while True:
         if left_s <= 0.0:
             if asked:
@@ -233,7 +237,7 @@ def stand_guard(words: str) -> int:
     _hold_out()
     fields, clock = json.loads(words), SystemClock()
     recording = _Recording(fields["process"], fields["hang_s"])
-    word = last_word(recording.heard, fields["hang_s"], recording.ask_to_end)
+    word = last_word(recording.heard, fields["hang_s"], recording.ask_to_end, DOWN if fields["down"] else UP)
     if word == UP:
         if recording.asked:
             say("the recording has ended, the stage is up")

@@ -258,19 +258,20 @@ def test_a_guardian_that_was_killed_is_replaced(begin: Callable[..., Session]) -
     assert session.depth_m < 0.0
 
 
-def test_a_terminal_that_is_closed_silences_the_guardian_and_no_more(tmp_path: Path) -> None:
+@pytest.mark.parametrize(("down", "said"), [(False, b"down\n"), (True, b"")], ids=["said", "known when it began"])
+def test_a_terminal_that_is_closed_silences_the_guardian_and_no_more(down: bool, said: bytes) -> None:
     with ExitStack() as stack:
         bench = bench_of(real_time=True, limits={"travel_speed_m_s": 0.3, "clearance_m": 0.005})
         stack.callback(bench.close)
         stack.callback(Server([bench.stage, bench.load_cell, bench.reader]).close)
         words = {"stage": bench.fields["stage"], "height_m": 0.01, "speed_m_s": 0.02}
-        words |= {"process": os.getpid(), "hang_s": 60.0}
+        words |= {"process": os.getpid(), "hang_s": 60.0, "down": down}
         command = [sys.executable, "-m", "ertskin.hardware.guardian", json.dumps(words)]
         guardian = subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.PIPE)
         assert guardian.stdin is not None
         assert guardian.stderr is not None
         guardian.stderr.close()
-        guardian.stdin.write(b"down\n")
+        guardian.stdin.write(said)
         guardian.stdin.close()
         assert guardian.wait(60.0) == 0
         assert bench.stage.axes.end_m[2] == 0.0
