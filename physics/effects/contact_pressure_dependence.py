@@ -48,7 +48,7 @@ class ContactPressureDependence(ElectrodeEffect):
     bend: float = parameter("1", 0.0, 10.0, 1.0, 0.2, "one over the power of the load", defining=False)
     fixed_share: float = parameter("1", 0.0, 0.95, 0.0, 0.05, "part of the resistance no load takes", defining=False)
     paths: float = parameter(
-        "1", 0.0, 1e3, 0.0, 1.0, "conductance that closed paths add, over that at rest", defining=False
+        "1", 0.0, 1e3, 10.0, 1.0, "conductance that closed paths add, over that at rest", defining=False
     )
     order: float = parameter(
         "1", 1.0, 8.0, 2.0, 0.5, "power of the paths closed that conductance grows with", defining=False
@@ -92,7 +92,7 @@ class ContactPressureDependence(ElectrodeEffect):
         return (self._percolating(),) if "fixed_share" in free else (partly, self._percolating())
 
     def _percolating(self) -> Start:
-        """Paths that close about where the conductance has doubled."""
+        """Paths that close about where the conductance would have doubled if no part were fixed."""
         bend = max(self.bend, STRAIGHT)
         doubled = (2**bend - 1) / bend / self.sensitivity_per_pa
         closing = -np.log1p(-(BEGUN_PATHS ** (-1 / BEGUN_ORDER))) / doubled

@@ -308,6 +308,8 @@ def test_a_contact_of_grains_conducts_as_a_power_of_the_paths_that_pressure_clos
     load, resistance = np.array([[0.0, np.log(2) * 1e4, 1e9]]), np.full((1, 3), 300.0)
     fallen = effect.contact_resistance_ohm(resistance, load, np.zeros(1))[0]
     np.testing.assert_allclose(fallen, [300.0, 300.0 / (1 + 9 / 4), 300.0 / 10], rtol=1e-6)
+    unsaid = ContactPressureDependence(sensitivity_per_pa=1e-4, percolates=True)
+    assert unsaid.contact_resistance_ohm(resistance, load, np.zeros(1))[0, -1] == pytest.approx(300.0 / 11)
 
 
 @pytest.mark.parametrize("bend", [0.0, 0.5, 2.0])

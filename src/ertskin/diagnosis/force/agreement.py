@@ -40,8 +40,8 @@ def agreed(
     data, best = baseline.force_data, baseline.force_best
     if data is None or best is None or not best.effects:
         return baseline, selection
-    chosen = {one.term.name: one.loss for one in selection.chosen}
-    gains = {name: chosen[name] for name in force_starts() if name in chosen}
+    chosen = {one.term.name for one in selection.chosen}
+    gains = {one.term.name: one.loss for one in selection.chosen if one.term.name in force_starts()}
     seen: list[Effect] = []
     for kind in effects_shown_by(Signal.FORCE):
         undecided = kind.name not in chosen and shown_by(kind, Signal.READINGS)

@@ -22,6 +22,8 @@ Indices = NDArray[np.intp]
 
 SUPPORT_SHARE = 1e-3
 """Part of the support's stiffness by which it may be off where an effect is fitted in another's stead."""
+FEW_SHARE = 1 / 6
+"""Part of the presses that are few: what hides in them is another thing than what is off in all."""
 FELT_ERROR = 0.1
 """By how much a foam's form moves the share of its force that the sheet seems not to feel, rounded up: 44 true foams of
 thirty-one opened samples and `final310` were off by 0.13 (rms), known to 0.10; 0.09 is left (`proof/felt_share.py`)."""
@@ -32,7 +34,7 @@ class ForceAnswer:
     """Claims of effects of foam and stage; rms misfits in newton, None without forces; ``off`` where more is off.
 
     Then ``off_by`` is the rms misfit of all forces over the load cell's noise, ``most_off`` the fewest presses that
-    hold half of what is more than noise.
+    hold half of what is more than noise, where they are few of all.
     """
 
     claims: tuple[Claim, ...]
@@ -70,13 +72,15 @@ def force_answer(evidence: Evidence, baseline: Baseline, selection: Selection, h
 
 
 def _where_off(history: History, fit: ForceFit) -> tuple[float, tuple[int, ...]]:
-    """Rms residual, and the fewest presses that hold half of the excess of its square."""
+    """Rms residual, and the fewest presses that hold half of the excess of its square; none where these aren't few."""
     square = fit.residual**2
-    excess = {int(p): float(np.nansum(square[history.press == p] - 1)) for p in np.unique(history.press)}
+    known = np.isfinite(square).any(axis=1)
+    excess = {int(p): float(np.nansum(square[history.press == p] - 1)) for p in np.unique(history.press[known])}
     largest = sorted(excess, key=lambda press: -excess[press])
     held = np.cumsum([excess[press] for press in largest])
     enough = int(np.searchsorted(held, 0.5 * sum(excess.values()))) + 1
-    return float(np.sqrt(np.nanmean(square))), tuple(sorted(largest[:enough]))
+    few = enough <= FEW_SHARE * len(excess)
+    return float(np.sqrt(np.nanmean(square))), tuple(sorted(largest[:enough])) if few else ()
 
 
 def _predicted_n(evidence: Evidence, baseline: Baseline, fit: ForceFit, held: Indices) -> float:

@@ -59,9 +59,9 @@ from ertskin.physics.effects.registry import effect_classes, measured_as
 SPOILT = "presses that no fit has seen are predicted worse with what is named than without"
 SURELY_MISSING = 300.0
 """Half chi-square that one effect gains beside the calibration alone from which on something is missing, worth a name
-or not. Of 710 nulls said to be such in opened samples and suites none gained more than 168, the instrument's errors,
-which coloured noise resembles (257), left out; seven recordings with something hidden that were `no_mismatch` all the
-same gained 327 to 2550, six of them families in no list (`experiments/concealed/proof/development.md`)."""
+or not. Of 710 nulls said to be such in opened samples and suites most had no effect worth fitting, and none gained more
+than 168, the instrument's errors, which coloured noise resembles (257), left out; six recordings with something hidden
+that were `no_mismatch` all the same gained 327 to 2550 (`experiments/concealed/proof/development.md`)."""
 MOST_SAID = 3
 """Presses whose forces are off that are said one by one."""
 MISREAD = "the sheet feels force that the load cell doesn't show: it may meet a stop or be at its limit"
@@ -118,12 +118,13 @@ class Case:
 
     @property
     def unnamed(self) -> Tried | None:
-        """The effect that gains most alone, where chance doesn't and nothing is chosen: it wasn't worth a name."""
+        """The effect, none of the instrument's, that gains more beside the calibration alone than chance can, where
+        nothing is in the fit: it wasn't worth a name. What is there might be owed to another's form."""
         named = {name for name, kind in effect_classes().items() if kind.stage != Stage.ACQUISITION}
         alone = [one for one in self.selection.tried if len(one.effects) == 1 and one.effects[0] in named]
         most = max(alone, key=lambda one: one.gain, default=None)
         surely = most is not None and most.gain > SURELY_MISSING
-        return most if surely and not self.selection.chosen else None
+        return most if surely and not self.selection.after.terms else None
 
     @property
     def faulty(self) -> tuple[int, ...]:

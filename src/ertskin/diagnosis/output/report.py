@@ -23,7 +23,7 @@ MEANING = {
     "partly_explained": (
         "The simulator lacks the physics named below, and something else that is not named, or a map that isn't known."
     ),
-    "unexplained": "The simulator misses something, and none of the known effects accounts for it.",
+    "unexplained": "The simulator misses something, and no effect is named for it.",
     "cannot_tell": "The recording can't answer.",
 }
 

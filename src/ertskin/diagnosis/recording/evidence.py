@@ -50,7 +50,7 @@ ROUNDING = 1e-12
 LEAST_FREEDOM = 0.05
 """Readings that a network follows more closely than this say nothing about the noise."""
 MOST_ALIKE = 0.9
-"""Part of the readings of one channel that fall short from which on they stop at one value."""
+"""Part of the spikes of one channel that fall short, and of these that have one value, from which on it has a limit."""
 
 
 class CannotTell(Exception):
@@ -223,8 +223,13 @@ def _scans(
 ) -> tuple[Array, NDArray[np.bool_], bool]:
     """Scans (T,P), spikes among the readings (T,K,M), and whether the converter bends at the top of its range."""
     scan, spike = despiked(protocol, voltage)
-    scan, spike = _channels_restored(protocol, voltage, scan, spike)
+    found = scan, spike
+    scan, spike = _channels_restored(protocol, voltage, *found)
     fitted = (scan @ protocol.orthonormal.T).reshape(voltage.shape)
+    if not _bent_at_top(voltage, fitted, spike):
+        # Of a converter that limits no other channel nothing would be said: its error stands.
+        scan, spike = _channels_restored(protocol, voltage, *found, limited=False)
+        fitted = (scan @ protocol.orthonormal.T).reshape(voltage.shape)
     if not saturated and _compressed(voltage, fitted, spike, rest):
         scan, spike = _usual_restored(protocol, voltage, fitted, spike, np.inf, OFTEN)
         fitted, bent = (scan @ protocol.orthonormal.T).reshape(voltage.shape), False
@@ -288,11 +293,12 @@ def leftover_freedom(protocol: Protocol, present: NDArray[np.bool_]) -> Array:
 
 
 def _channels_restored(
-    protocol: Protocol, voltage: Array, scan: Array, spike: NDArray[np.bool_]
+    protocol: Protocol, voltage: Array, scan: Array, spike: NDArray[np.bool_], limited: bool = True
 ) -> tuple[Array, NDArray[np.bool_]]:
     """Scans and spikes with whole channels put back that despiking took for spikes: an error of theirs stands.
 
-    What stops at one value where it should go on is no error of a channel, though one alone may read as much.
+    Of a converter that is ``limited`` what stops at one value where it should go on is no error of a channel, though
+    one alone may read as much.
     """
     present = np.isfinite(voltage)
     share = (spike & present).mean(axis=(0, 1))
@@ -302,17 +308,18 @@ def _channels_restored(
     fitted = (scan @ protocol.orthonormal.T).reshape(voltage.shape)
     kept = spike.copy()
     for channel in np.flatnonzero(systematic):
-        stopped = _stopped(voltage[..., channel], fitted[..., channel], spike[..., channel])
-        kept[..., channel] = ~present[..., channel] | stopped
+        one = voltage[..., channel], fitted[..., channel], spike[..., channel]
+        kept[..., channel] = ~present[..., channel] | (_stopped(*one) if limited else False)
     return _scans_without(protocol, voltage, fitted, kept | ~present), kept
 
 
 def _stopped(voltage: Array, fitted: Array, spike: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """(T,K) readings of one channel that fall short of what they should be, where all such have one value and noise."""
+    """(T,K) readings of one channel at the top of its range that fall short of what they should be, where all such have
+    one value and noise, and none is too large: a channel that is stuck is both."""
     known = np.isfinite(voltage) & np.isfinite(fitted)
     short = spike & known & (voltage < fitted)
     straight = known & ~spike
-    if short.sum() < FEWEST_SHORT or not straight.any():
+    if short.sum() < max(FEWEST_SHORT, MOST_ALIKE * (spike & known).sum()) or not straight.any():
         return np.zeros_like(short)
     scatter = robust_std((voltage - fitted)[straight])
     alike = np.abs(voltage - np.median(voltage[short])) < SPIKE * scatter

@@ -15,6 +15,7 @@ from ertskin.diagnosis.fit.terms import Term
 from ertskin.diagnosis.search.trials import may_drift
 from ertskin.physics.effects.effect import Effect
 from ertskin.physics.effects.hypothesis import Measured
+from ertskin.physics.protocol import Protocol
 
 Array = NDArray[np.float64]
 
@@ -32,13 +33,20 @@ def without_paths(terms: Sequence[Term]) -> list[Term]:
     return [term for term in terms if not is_path(term.effect)]
 
 
-def without_paths_of_drifting_channels(terms: Sequence[Term]) -> list[Term]:
+def without_paths_of_drifting_channels(terms: Sequence[Term], protocol: Protocol) -> list[Term]:
     """The terms but for paths of contacts whose electrode is read by a channel that may drift.
 
     What a channel makes of its own electrode's potential is nearly what the contact's resistance makes of it.
     """
-    drifting = {getattr(term.effect, "channel", None) for term in terms if may_drift(term)} - {None}
+    channels = {int(getattr(term.effect, "channel", -1)) for term in terms if may_drift(term)} - {-1}
+    drifting = {electrode for channel in channels for electrode in _mostly_read_by(channel, protocol)}
     return [t for t in terms if not (is_path(t.effect) and getattr(t.effect, "electrode", None) in drifting)]
+
+
+def _mostly_read_by(channel: int, protocol: Protocol) -> list[int]:
+    """The electrodes that a channel reads most: its own against a sink, two where neighbours are compared."""
+    weight = np.abs(protocol.measurement[:, channel]).sum(axis=0)
+    return np.flatnonzero(weight > 0.5 * weight.max()).tolist()
 
 
 def changed_by_paths(problem: VoltageProblem, solved: Solved) -> list[tuple[Effect, Array]]:

@@ -245,7 +245,7 @@ class _Search:
         return reconsidered(self.build, proposed)
 
     def _without_drifts(self, incumbent: CheckedFit) -> CheckedFit:
-        """Without contacts that wander, where places that have not recovered explain them."""
+        """Without contacts that wander, where places that have not recovered, or drifting channels, explain them."""
         incumbent, fixed = _without_drifts(self.build, incumbent, incumbent.solved.terms[: self.fixed])
         self.fixed = len(fixed)
         return incumbent
@@ -524,7 +524,10 @@ def _without_drifts(build: Problem, incumbent: CheckedFit, fixed: Sequence[Term]
     """The fit and its fixed terms without contacts that wander, where places that creep, or channels of theirs that
     drift, explain as much at rest."""
     terms = incumbent.solved.terms
-    still = without_paths(terms) if _remembers_air(incumbent.solved) else without_paths_of_drifting_channels(terms)
+    if _remembers_air(incumbent.solved):
+        still = without_paths(terms)
+    else:
+        still = without_paths_of_drifting_channels(terms, incumbent.problem.evidence.protocol)
     if len(still) == len(terms):
         return incumbent, fixed
     proposed = where_it_settles(build, None, incumbent.problem.solve(still, incumbent.solved.calibration))

@@ -23,7 +23,7 @@ MEANING = {
     "no_mismatch": "Nothing: the simulator explains presses that no fit has seen to within the noise.",
     "explained": "The physics below; with it presses that no fit has seen are explained.",
     "partly_explained": "The physics below, and something else that is not named, or a map that isn't known.",
-    "unexplained": "Something that none of the known effects accounts for.",
+    "unexplained": "Something for which no effect is named.",
     "cannot_tell": "The recording can't tell.",
 }
 

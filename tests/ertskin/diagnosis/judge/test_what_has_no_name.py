@@ -53,9 +53,9 @@ def test_what_gains_more_than_chance_is_missing_though_not_worth_a_name(
     assert reason is None if said is None else reason is not None and said in reason
 
 
-def test_beside_what_is_chosen_it_is_owed_to_that_ones_form() -> None:
+def test_beside_what_is_in_the_fit_it_may_be_owed_to_that_ones_form() -> None:
     case = case_of(tried("temperature_drift"))
-    case.selection.chosen = (MagicMock(),)
+    case.selection.after.terms = (MagicMock(),)
     assert Case.unnamed.fget(case) is None  # type: ignore[attr-defined]
 
 
@@ -72,14 +72,13 @@ def test_forces_that_are_off_are_said_and_where(presses: tuple[int, ...], where:
 
 
 def test_the_fewest_presses_that_hold_half_of_the_excess_are_found() -> None:
-    press = np.repeat(np.arange(4), 5)
-    residual = np.ones((20, 1))
+    press = np.repeat(np.arange(-1, 7), 5)
+    residual = np.full((40, 1), 0.9)
+    residual[press == -1] = np.nan
     residual[press == 2] = 4.0
-    residual[press == 3] = np.nan
     history: Any = SimpleNamespace(press=press)
     ratio, presses = _where_off(history, SimpleNamespace(residual=residual))  # type: ignore[arg-type]
     assert presses == (2,)
-    assert ratio == pytest.approx(np.sqrt((10 * 1 + 5 * 16) / 15))
-    residual[press == 0] = 4.0
-    residual[press == 1] = 4.0
-    assert len(_where_off(history, SimpleNamespace(residual=residual))[1]) == 2  # type: ignore[arg-type]
+    assert ratio == pytest.approx(np.sqrt((6 * 0.81 + 16) / 7))
+    residual[press >= 0] = 1.6
+    assert _where_off(history, SimpleNamespace(residual=residual))[1] == ()  # type: ignore[arg-type]

@@ -281,6 +281,19 @@ def test_readings_at_the_limit_stay_left_out_where_one_channel_has_them_all() ->
     assert np.abs(fitted - clean).max() < 10 * NOISE_V
 
 
+@pytest.mark.parametrize("wrong", ["limited alone", "stuck"])
+def test_a_channel_whose_error_no_limit_of_the_converter_is_stands(wrong: str) -> None:
+    protocol, rng = Protocol.against_sink(electrode_pairs(16), 16, 1e-4), np.random.default_rng(10)
+    pairs = 3e4 * (1 + rng.random(protocol.electrodes * (protocol.electrodes - 1) // 2))
+    voltage = np.repeat(protocol.readings(pairs[None]), FRAMES, axis=0)
+    own = voltage[..., 3]
+    voltage[..., 3] = np.minimum(own, np.median(own)) if wrong == "limited alone" else 1.2
+    voltage += 1e-4 * rng.standard_normal(voltage.shape)
+    _, spike, bent = _scans(protocol, voltage, np.arange(FRAMES) < 5, saturated=False)
+    assert not bent
+    assert not spike[..., 3].any()
+
+
 def test_a_channel_whose_readings_are_all_spikes_is_put_back_whole(protocol: Protocol) -> None:
     voltage = readings(protocol, 9)
     scan, spike = despiked(protocol, voltage)

@@ -23,6 +23,7 @@ from ertskin.physics.effects.channel_gain import ChannelGain
 from ertskin.physics.effects.contact_drift import ContactDrift
 from ertskin.physics.effects.effect import Effect
 from ertskin.physics.effects.sheet_anisotropy import SheetAnisotropy
+from ertskin.physics.protocol import Protocol, electrode_pairs
 
 FRAMES, PAIRS = 20, 400
 TIME_S = np.arange(FRAMES, dtype=float)
@@ -81,7 +82,16 @@ def test_terms_without_paths() -> None:
 def test_a_path_may_be_owed_to_the_channel_that_reads_its_electrode(effect: Effect, stay: bool) -> None:
     path, other = SimpleNamespace(effect=RISING), SimpleNamespace(effect=effect)
     terms: list[Any] = [path, other]
-    assert without_paths_of_drifting_channels(terms) == ([path, other] if stay else [other])
+    against_sink = Protocol.against_sink(electrode_pairs(8), 8, 1e-4)
+    assert without_paths_of_drifting_channels(terms, against_sink) == ([path, other] if stay else [other])
+
+
+@pytest.mark.parametrize(("channel", "stay"), [(1, True), (2, False), (3, False), (4, True)])
+def test_a_channel_between_two_electrodes_may_be_either_s(channel: int, stay: bool) -> None:
+    rows = np.roll(np.eye(8), 1, axis=1) - np.eye(8)
+    protocol: Any = SimpleNamespace(measurement=np.repeat(rows[None], 5, axis=0))
+    terms: list[Any] = [SimpleNamespace(effect=RISING), SimpleNamespace(effect=ChannelGain(channel))]
+    assert without_paths_of_drifting_channels(terms, protocol) == (terms if stay else terms[1:])
 
 
 def test_a_path_that_nothing_stands_in_for_stays_though_it_changes_hardly_anything() -> None:
@@ -113,7 +123,10 @@ def test_fixed_terms_stay_but_for_the_path_whose_channel_drifts_however_they_are
     before: list[Any] = [SimpleNamespace(effect=EVEN, name="even"), SimpleNamespace(effect=RISING, name="path")]
     fitted: list[Any] = [*(SimpleNamespace(**vars(one)) for one in before), SimpleNamespace(effect=ChannelGain(3))]
     solved = SimpleNamespace(terms=tuple(fitted), effects=(), calibration=None)
-    problem = SimpleNamespace(solve=lambda terms, calibration: SimpleNamespace(terms=tuple(terms), effects=()))
+    problem = SimpleNamespace(
+        solve=lambda terms, calibration: SimpleNamespace(terms=tuple(terms), effects=()),
+        evidence=SimpleNamespace(protocol=Protocol.against_sink(electrode_pairs(8), 8, 1e-4)),
+    )
     incumbent: Any = SimpleNamespace(problem=problem, solved=solved)
     settled: list[Any] = []
 
