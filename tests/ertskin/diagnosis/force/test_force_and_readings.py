@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from small_problem import PARTITIONS, SCAN, START, recorded
 
+from ertskin.diagnosis.fit.terms import Term
 from ertskin.diagnosis.force.agreement import agreed
 from ertskin.diagnosis.force.fit import ForceData, fit_force
 from ertskin.diagnosis.force.noise import ForceNoise
 from ertskin.diagnosis.rest.baseline import Baseline
-from ertskin.diagnosis.search.chosen import Selection
+from ertskin.diagnosis.search.chosen import Chosen, Selection
 from ertskin.physics.effects.effect import FoamEffect, MotionEffect
+from ertskin.physics.effects.nonlinear_foam import NonlinearFoam
 from ertskin.physics.effects.scan_skew import ScanSkew
 from ertskin.physics.effects.viscoelastic_foam import ViscoelasticFoam
 
@@ -22,14 +25,16 @@ RELAXING = ViscoelasticFoam(fraction=0.05, time_s=3.0)
 PAD_N_PER_M, SUPPORT_N_PER_M, FORCE_NOISE_N = 1800.0, 9000.0, 0.01
 
 
-def case(in_force: FoamEffect | MotionEffect, *in_readings: MotionEffect) -> tuple[Baseline, Selection]:
-    """Forces made with one effect and read as relaxing foam, readings with another, and a search that found nothing in
-    these."""
+def case(
+    in_force: FoamEffect | MotionEffect, *in_readings: MotionEffect, foam: Sequence[FoamEffect] = ()
+) -> tuple[Baseline, Selection]:
+    """Forces made with one effect, on ``foam``, and read as relaxing foam, readings with another, and a search that
+    found nothing in these."""
     problem = recorded(*in_readings)
     history = problem.evidence.history
     data = ForceData(history, FORCE_NOISE_N, SUPPORT_N_PER_M, 1e-3, 4e-3, SCAN.duration_s)
     noise = FORCE_NOISE_N * np.random.default_rng(1).standard_normal(history.depth_m.shape)
-    forces = data.force_n(PAD_N_PER_M, SUPPORT_N_PER_M, [in_force]) + noise
+    forces = data.force_n(PAD_N_PER_M, SUPPORT_N_PER_M, [in_force, *foam]) + noise
     data = replace(data, history=replace(history, force_n=np.where(history.touched, forces, np.nan)))
     best = fit_force(data, ViscoelasticFoam.force_starts()[:1])
     solved = problem.solve([], START)
@@ -72,3 +77,16 @@ def test_foam_stays_where_readings_show_no_motion() -> None:
     names, selection = named(*case(RELAXING))
     assert names == ["viscoelastic_foam"]
     assert "scan_skew" not in [term.name for term in selection.after.terms]
+
+
+def test_foam_is_chosen_again_beside_a_motion_that_readings_have_chosen() -> None:
+    """Forces alone make relaxation of a stage that moves, and of foam that stiffens whatever that leaves."""
+    stiffens = NonlinearFoam(stiffening=0.3)
+    baseline, selection = case(MOVING, MOVING.within_scans(SCAN), foam=[stiffens])
+    motion = Term(MOVING.within_scans(SCAN), ("speed_m_per_s",))
+    solved = selection.problem.solve([motion], START)
+    chosen = (Chosen(solved.terms[0], 1000.0, 2.0, ()),)
+    names, found = named(baseline, replace(selection, after=solved, chosen=chosen))
+    assert sorted(names) == ["nonlinear_foam", "scan_skew"]
+    assert [term.name for term in found.after.terms] == ["nonlinear_foam", "scan_skew"]
+    assert len(found.chosen) == 1
