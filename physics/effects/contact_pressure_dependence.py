@@ -32,7 +32,7 @@ class ContactPressureDependence(ElectrodeEffect):
     resistance no load takes: that of the lead and of the current spreading in the pad.
 
     A contact of grains ``percolates``: of the paths through it the part p = 1 - exp(-sensitivity q) is closed, and its
-    conductance is 1 + ``paths`` p^``order`` times that at rest.
+    conductance is 1 + ``paths`` p^``order`` times that at rest. The power is Kirkpatrick's, how paths close is assumed.
     """
 
     name: ClassVar[str] = "contact_pressure_dependence"
@@ -44,7 +44,9 @@ class ContactPressureDependence(ElectrodeEffect):
     by_pressure: ClassVar[bool] = True
     hypothesis: ClassVar[Hypothesis] = Hypothesis((Axis.ELECTRODE, Axis.FORCE), (Signal.READINGS,), (Need.PRESSES,))
 
-    sensitivity_per_pa: float = parameter("1/Pa", 0.0, 0.1, 0.0, 2e-5, "relative fall per pressure, at first")
+    sensitivity_per_pa: float = parameter(
+        "1/Pa", 0.0, 0.1, 0.0, 2e-5, "relative fall, or paths closed, per pressure at first"
+    )
     bend: float = parameter("1", 0.0, 10.0, 1.0, 0.2, "one over the power of the load", defining=False)
     fixed_share: float = parameter("1", 0.0, 0.95, 0.0, 0.05, "part of the resistance no load takes", defining=False)
     paths: float = parameter(

@@ -62,8 +62,6 @@ SURELY_MISSING = 300.0
 or not. Of 710 nulls said to be such in opened samples and suites most had no effect worth fitting, and none gained more
 than 168, the instrument's errors, which coloured noise resembles (257), left out; six recordings with something hidden
 that were `no_mismatch` all the same gained 327 to 2550 (`experiments/concealed/proof/development.md`)."""
-MOST_SAID = 3
-"""Presses whose forces are off that are said one by one."""
 MISREAD = "the sheet feels force that the load cell doesn't show: it may meet a stop or be at its limit"
 
 
@@ -397,7 +395,7 @@ def _too_small(unnamed: Tried) -> str:
 
 def _off_force(force: ForceAnswer) -> str:
     """How far force over depth is off, and where, if few presses are it."""
-    few = force.most_off if len(force.most_off) <= MOST_SAID else ()
+    few = force.most_off
     said = f"press {few[0]}: repeat it" if len(few) == 1 else f"presses {', '.join(map(str, few))}: repeat them"
     where = f", mostly in {said}" if few else ""
     return f"forces over depth are off by {force.off_by:.1f} times the load cell's noise{where}"
