@@ -34,8 +34,9 @@ from ertskin.diagnosis.recording.work import Work
 from ertskin.diagnosis.rest.baseline import Baseline, calibrated
 from ertskin.diagnosis.search.chosen import Selection
 from ertskin.diagnosis.search.form_error import form_error
+from ertskin.diagnosis.search.pressed_places import pressed_places_m
 from ertskin.diagnosis.search.selection import Report, select, selected_again
-from ertskin.diagnosis.search.trials import rms_of
+from ertskin.diagnosis.search.trials import of_presses, rms_of
 from ertskin.diagnosis.specimen.fit import SpecimenFinding
 from ertskin.hardware.recording import Recording
 from ertskin.physics.conduction.mesh import MeshError
@@ -315,12 +316,12 @@ def _known_ratio(
     isn't known of fields counts as noise; None without either."""
     after, fitted = selection.after, selection.problem
     error = form_error(fitted, after, _partitions(fitted.cells), after.effects)
-    if error.sizes is None and all(term.modes is None for term in after.terms):
+    if error.sizes is None and not any(term.modes is not None or of_presses(term) for term in after.terms):
         return None
     skin = family.remeshed(after.calibration, after.effects)
     problem = _problem(evidence, baseline, family, skin, baseline.force_n, found.held, _silent)
     left = found.after - error.expected(problem, after) * problem.evidence.traces_factor[:, None]
-    return ratio_with_what_is_unknown(problem, after, left)
+    return ratio_with_what_is_unknown(problem, after, left, pressed_places_m(fitted))
 
 
 def _start(baseline: Baseline) -> Calibration:

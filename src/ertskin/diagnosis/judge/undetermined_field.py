@@ -13,7 +13,10 @@ from numpy.typing import NDArray
 from ertskin.diagnosis.fit.joint_fit import VoltageProblem
 from ertskin.diagnosis.fit.solved import Solved
 from ertskin.diagnosis.fit.terms import Modes
-from ertskin.diagnosis.search.smooth_fields import node_covariance, node_shape
+from ertskin.diagnosis.search.pressed_places import LENGTH, logarithms
+from ertskin.diagnosis.search.smooth_fields import covariance_half, node_covariance, node_shape
+from ertskin.diagnosis.search.trials import of_presses
+from ertskin.physics.effects.effect import Effect
 from ertskin.physics.effects.smooth_field import field_design
 
 Array = NDArray[np.float64]
@@ -23,17 +26,18 @@ MOST_LEFT = 0.5
 """Part of the field's standard deviation beforehand that must be left at most where it is known."""
 
 
-def ratio_with_what_is_unknown(problem: VoltageProblem, solved: Solved, after: Array) -> float:
+def ratio_with_what_is_unknown(problem: VoltageProblem, solved: Solved, after: Array, place_m: Array) -> float:
     """Misfit over noise of residuals ``after`` (n,P), where what isn't known of fields counts as noise.
 
-    ``problem`` is that of the frames held out, linearised about the fit. What a fit leaves of a field's covariance C is
-    correlated noise J C J' of the frames, with which the quadratic form is taken.
+    ``problem`` is that of the frames held out, linearised about the fit, ``place_m`` (K,2) is where those fitted press.
+    What isn't known of a field, of covariance C, is correlated noise J C J' of the frames, with which the quadratic
+    form is taken.
     """
     extent_m = problem.evidence.sensor.extent_m
     design = partial(field_design, node_shape(extent_m), extent_m=extent_m)
     skin = problem.family.skin(solved.calibration, solved.effects)
     parts = []
-    for number, covariance in _covariances(solved):
+    for number, covariance in _unknown(solved, place_m, extent_m):
         size, vector = np.linalg.eigh(covariance)
         root = vector * np.sqrt(np.maximum(size, 0.0))
         found = np.zeros((*problem.evidence.scan_v.shape, root.shape[1]))
@@ -47,6 +51,29 @@ def ratio_with_what_is_unknown(problem: VoltageProblem, solved: Solved, after: A
     along = flat.T @ wrong
     explained = float(along @ np.linalg.solve(np.eye(len(along)) + flat.T @ flat, along))
     return float(np.sqrt(max(float(wrong @ wrong) - explained, 0.0) / wrong.size))
+
+
+def _unknown(solved: Solved, place_m: Array, extent_m: Array) -> Iterator[tuple[int, Array]]:
+    """Terms with a field of which something isn't known, by their number, and the covariance (M,M) of its nodes."""
+    fitted = dict(_covariances(solved))
+    for number, (term, effect) in enumerate(zip(solved.terms, solved.effects, strict=True)):
+        if of_presses(term):
+            yield number, covariance_elsewhere(effect, place_m, extent_m)
+        elif number in fitted:
+            yield number, fitted[number]
+
+
+def covariance_elsewhere(effect: Effect, place_m: Array, extent_m: Array) -> Array:
+    """(M,M) covariance of the nodes of a field that only presses show, which is known at the places (K,2) pressed.
+
+    Elsewhere it differs from what is fitted by as much as places differ, one a finger away telling nothing of it: how
+    a fit carries it on is a guess, whether by a form of few numbers or by the length that predicted a few presses best.
+    """
+    half = covariance_half(extent_m, LENGTH)
+    seen = field_design(node_shape(extent_m), place_m, extent_m) @ half
+    told = seen.T @ np.linalg.pinv(seen @ seen.T, hermitian=True) @ seen
+    spread = float(np.std(logarithms(effect, place_m, extent_m)))
+    return np.asarray(spread**2 * half @ (np.eye(len(told)) - told) @ half.T)
 
 
 @dataclass(frozen=True, eq=False)
