@@ -29,6 +29,21 @@ class _Potentials(Unlisted):
         """(K,M) readings of potentials (K,L)."""
         return np.asarray(np.einsum("kml,kl->km", self.protocol.weights, potential_v))
 
+    def from_sink(self) -> Array:
+        """(K,L) potentials of the electrodes over the sink's."""
+        potential = self.protocol.current @ self.transfer
+        return np.asarray(potential - potential[np.arange(len(potential)), self.protocol.injection[:, 1]][:, None])
+
+    def drained(self, share: Array, siemens: float) -> Array:
+        """(K,M) what readings lose if a shunt leads from the electrodes, by their shares (L,), to the sink."""
+        current = self.protocol.current
+        way = np.zeros_like(current)
+        way += share
+        way[np.arange(len(way)), self.protocol.injection[:, 1]] -= 1.0
+        through = way @ self.transfer
+        lost = siemens * (through * current).sum(axis=1) / (1.0 + siemens * (through * way).sum(axis=1))
+        return self.read(lost[:, None] * through)
+
 
 class OffLeakage(_Potentials):
     """Open switches leak: electrodes next to a driven one in the multiplexer's order are drawn towards it."""
@@ -57,13 +72,7 @@ class GroundedShield(_Potentials):
         self.details["electrode"] = self.electrode
 
     def voltage(self, voltage_v: Array, frame: int, time_s: float) -> Array:
-        current = self.protocol.current
-        way = np.zeros_like(current)
-        way[:, self.electrode] += 1.0
-        way[np.arange(len(way)), self.protocol.injection[:, 1]] -= 1.0
-        through, shunt = way @ self.transfer, self.size * self.siemens
-        lost = shunt * (through * current).sum(axis=1) / (1.0 + shunt * (through * way).sum(axis=1))
-        return voltage_v - self.read(lost[:, None] * through)
+        return voltage_v - self.drained(np.eye(self.protocol.electrodes)[self.electrode], self.size * self.siemens)
 
 
 class InputBias(_Potentials):
