@@ -11,7 +11,7 @@ import numpy as np
 import own_ratios
 import pytest
 from generator.effect import Effect
-from generator.families import FAMILIES, FIRST, SECOND
+from generator.families import FAMILIES, FIRST, SECOND, THIRD
 from generator.forms import FORMS
 from generator.mesh import Fineness
 from generator.outline import Outline
@@ -66,7 +66,7 @@ def test_an_effect_at_half_its_largest_size_is_beyond_the_noise(kind: type[Effec
     assert max(change([kind(0.5 * kind.largest)])) > 1.0
 
 
-@pytest.mark.parametrize("kind", SECOND.values(), ids=lambda kind: kind.name)
+@pytest.mark.parametrize("kind", [*SECOND.values(), *THIRD.values()], ids=lambda kind: kind.name)
 def test_a_family_draws_the_same_whatever_its_size_and_runs_the_same_again(kind: type[Effect]) -> None:
     skin, (sheet, _) = small_skin(), without()
     one, other, larger = (kind(share * kind.largest) for share in (0.3, 0.3, 0.9))
@@ -100,13 +100,15 @@ def test_the_split_of_families_is_the_committed_draws() -> None:
 
 
 def test_a_batch_of_families_is_halved_by_its_own_draw() -> None:
-    first, second = (draw_split(seed) for seed in BATCHES)
-    assert set(first["open"] + first["sealed"]) == set(FIRST)
-    assert set(second["open"] + second["sealed"]) == set(SECOND)
-    assert (len(FIRST), len(SECOND), len(FAMILIES)) == (26, 30, 56)
-    assert not {kind.name for kind in SECOND.values()} & set(FORMS)
-    # What the first draw sealed was opened by the last run of a seed: a later batch must not move it.
-    assert first["sealed"] == json.loads(SPLIT.read_text())["spent"]["final310"]
+    first, second, third = (draw_split(seed) for seed in BATCHES)
+    for drawn, batch in ((first, FIRST), (second, SECOND), (third, THIRD)):
+        assert set(drawn["open"] + drawn["sealed"]) == set(batch)
+        assert len(drawn["open"]) == len(drawn["sealed"]) == len(batch) / 2
+    assert (len(FIRST), len(SECOND), len(THIRD), len(FAMILIES)) == (26, 30, 30, 86)
+    assert not set(FAMILIES) & set(FORMS)
+    # What earlier draws sealed was opened by last runs of a seed: a later batch must not move it.
+    spent = json.loads(SPLIT.read_text())["spent"]
+    assert (first["sealed"], second["sealed"]) == (spent["final310"], spent["final314"])
 
 
 def test_a_ruler_finds_the_size_of_the_ratio_wanted() -> None:

@@ -144,8 +144,9 @@ def test_no_last_run_is_made_once_all_sealed_families_are_spent(
 def test_a_last_run_has_the_families_sealed_since_the_one_before(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    first, second = (suite.draw_split(seed)["sealed"] for seed in suite.BATCHES)
-    final_run({**suite.whole_split(), "spent": {"final310": first}}, tmp_path / "suite", monkeypatch)
-    assert suite.families(final=True) == second
+    first, second, third = (suite.draw_split(seed)["sealed"] for seed in suite.BATCHES)
+    spent = {"final310": first, "final314": second}
+    final_run({**suite.whole_split(), "spent": spent}, tmp_path / "suite", monkeypatch)
+    assert suite.families(final=True) == third
     # 112 nulls, 132 single effects, 40 compounds, and every family at two ratios.
-    assert f"in this suite of {284 + 2 * len(second)}" in capsys.readouterr().err.splitlines()[-1]
+    assert f"in this suite of {284 + 2 * len(third)}" in capsys.readouterr().err.splitlines()[-1]

@@ -13,12 +13,12 @@ from typing import Any
 
 import numpy as np
 from generator.fabric import AdheringFabric, AgeingCreep, DuhemFabric, StretchedCreep
-from generator.families import FIRST, SECOND
+from generator.families import FIRST, SECOND, THIRD
 from generator.forms import FORMS
 from generator.skins import PADS, SHAPES
 
 SPLIT = Path(__file__).with_name("families_split.json")
-BATCHES = {20261122: tuple(FIRST), 20261129: tuple(SECOND)}
+BATCHES = {20261122: tuple(FIRST), 20261129: tuple(SECOND), 20261201: tuple(THIRD)}
 """Families by the seed of the draw that halves them."""
 SCANS = ("full", "full", "adjacent", "sparse")
 PRESSES = (6, 9, 12, 12, 18, 36)

@@ -7,7 +7,18 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from . import families_bench, families_instrument, families_pad, families_sheet
+from . import (
+    families_bench,
+    families_contacts,
+    families_instrument,
+    families_mounting,
+    families_pad,
+    families_sheet,
+    families_signals,
+    families_stage,
+    families_timing,
+    families_wear,
+)
 from .effect import Moment
 from .electrodes import _centers
 from .skin import Skin
@@ -442,4 +453,11 @@ SECOND: dict[str, type[Unlisted]] = {
     for part in (families_sheet, families_pad, families_bench, families_instrument)
     for kind in part.KINDS
 }
-FAMILIES = FIRST | SECOND
+THIRD: dict[str, type[Unlisted]] = {
+    kind.name: kind
+    for part in (
+        families_stage, families_mounting, families_wear, families_contacts, families_timing, families_signals,
+    )
+    for kind in part.KINDS
+}  # fmt: skip
+FAMILIES = FIRST | SECOND | THIRD
