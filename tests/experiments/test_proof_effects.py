@@ -81,6 +81,22 @@ def test_a_family_draws_the_same_whatever_its_size_and_runs_the_same_again(kind:
     assert np.isfinite(first.force_n).all()
 
 
+@pytest.mark.parametrize(
+    "kind", [kind for kind in THIRD.values() if kind.recorded is not Effect.recorded], ids=lambda kind: kind.name
+)
+def test_what_scans_bear_on_one_another_comes_out_the_same_again(kind: type[Effect]) -> None:
+    skin, (_, base) = small_skin(), without()
+    moving = np.zeros(len(base.voltage_v), dtype=bool)
+    none, one, other = (kind(share * kind.largest) for share in (0.0, 0.3, 0.3))
+    for effect in (none, one, other):
+        effect.draw(skin, np.random.default_rng(3))
+    left, first, again = (e.recorded(base.voltage_v, moving, np.random.default_rng(5)) for e in (none, one, other))
+    np.testing.assert_allclose(left, base.voltage_v, rtol=0, atol=1e-12)
+    np.testing.assert_array_equal(again, first)
+    assert np.isfinite(first).all()
+    assert np.abs(first - base.voltage_v).max() > skin.noise.white_v
+
+
 def test_forms_cover_every_name_and_say_where_they_come_from() -> None:
     assert set(NAMES) == set(FORMS)
     assert all(kind.source and kind.form for kind in KINDS)

@@ -115,7 +115,7 @@ class LoosePlug(_Potentials):
         short = np.zeros((len(voltage_v), self.protocol.electrodes))
         short[:, self.electrode] = -self.size * self.from_sink()[:, self.electrode]
         driven = (self.protocol.injection == self.electrode).any(axis=1)
-        return (voltage_v + self.read(short)) * np.where(driven, 1.0 - self.size, 1.0)[:, None]
+        return np.asarray((voltage_v + self.read(short)) * np.where(driven, 1.0 - self.size, 1.0)[:, None])
 
 
 class DirtyConnector(Unlisted):
@@ -126,7 +126,7 @@ class DirtyConnector(Unlisted):
     def draw(self, skin: Skin, rng: np.random.Generator) -> None:
         pins = np.eye(skin.protocol.electrodes)
         self.beside = pins[:, :-1] - pins[:, 1:]
-        self.siemens = rng.uniform(0.0, 1.0, self.beside.shape[1]) ** 2 / skin.sheet_ohm
+        self.siemens = np.square(rng.uniform(0.0, 1.0, self.beside.shape[1])) / skin.sheet_ohm
         self.tau_s = rng.uniform(100.0, 400.0)
 
     def network(self, transfer_ohm: Array, moment: Moment) -> Array:
