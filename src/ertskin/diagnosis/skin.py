@@ -36,7 +36,7 @@ from ertskin.diagnosis.search.chosen import Selection
 from ertskin.diagnosis.search.form_error import form_error
 from ertskin.diagnosis.search.pressed_places import pressed_places_m
 from ertskin.diagnosis.search.selection import Report, select, selected_again
-from ertskin.diagnosis.search.trials import of_presses, rms_of
+from ertskin.diagnosis.search.trials import of_presses, only_presses_show, rms_of
 from ertskin.diagnosis.specimen.fit import SpecimenFinding
 from ertskin.hardware.recording import Recording
 from ertskin.physics.conduction.mesh import MeshError
@@ -103,7 +103,7 @@ def _diagnose(
     report(0.85, "predicting presses no fit has seen")
     found = predictions(evidence, baseline, uncorrected, selection, family, held)
     if selection.chosen and found.ratio_after > criteria.mismatch_ratio:
-        found = replace(found, known_ratio=_known_ratio(evidence, baseline, family, selection, found))
+        found = _counting_the_unknown(evidence, baseline, family, selection, found)
     skin = family.skin(selection.after.calibration, selection.after.effects)
     differ = _presses_that_differ(selection, skin) if found.ratio_after > criteria.mismatch_ratio else None
     findings = with_quantities(answered(name, evidence, baseline, selection, found, differ), family)
@@ -309,19 +309,25 @@ def _uncorrected(
     return problem.solve((), _start(baseline))
 
 
-def _known_ratio(
+def _counting_the_unknown(
     evidence: Evidence, baseline: Baseline, family: SkinFamily, selection: Selection, found: Predictions
-) -> float | None:
-    """Misfit over noise held out, without what the instrument's form errors are expected to make there, and where what
-    isn't known of fields counts as noise; None without either."""
+) -> Predictions:
+    """The predictions with the misfits held out where what isn't known of fields counts as noise, and where what the
+    instrument's form errors are expected to make there is left out."""
     after, fitted = selection.after, selection.problem
     error = form_error(fitted, after, _partitions(fitted.cells), after.effects)
-    if error.sizes is None and not any(term.modes is not None or of_presses(term) for term in after.terms):
-        return None
+    pressed = any(map(of_presses, after.terms))
+    if error.sizes is None and not pressed and all(term.modes is None for term in after.terms):
+        return found
     skin = family.remeshed(after.calibration, after.effects)
     problem = _problem(evidence, baseline, family, skin, baseline.force_n, found.held, _silent)
     left = found.after - error.expected(problem, after) * problem.evidence.traces_factor[:, None]
-    return ratio_with_what_is_unknown(problem, after, left, pressed_places_m(fitted))
+    place_m = pressed_places_m(fitted)
+    known = ratio_with_what_is_unknown(problem, after, left, place_m)
+    where_pressed = (
+        ratio_with_what_is_unknown(problem, after, found.after, place_m, only_presses_show) if pressed else None
+    )
+    return replace(found, known_ratio=known, where_pressed_ratio=where_pressed)
 
 
 def _start(baseline: Baseline) -> Calibration:

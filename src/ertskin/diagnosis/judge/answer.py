@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 from scipy.stats import chi2
@@ -265,12 +265,11 @@ def _rules(case: Case) -> list[tuple[str, str, Callable[[list[Claim]], list[Clai
 
 def _rules_of_misfit(case: Case) -> list[tuple[str, str, Callable[[list[Claim]], list[Claim]]]]:
     """Those by what the claims leave of the misfit."""
-    ratios, criteria = (case.found.ratio_before, case.found.ratio_judged), case.criteria
-    presses_free = None if case.differ is None else case.differ.left_of(case.found.ratio_after)
-    of_fields = case.found.ratio_after if presses_free is None else None
+    before, criteria = case.found.ratio_before, case.criteria
+    left = partial(case.found.left_against, differ=case.differ)
     beyond = case.evidence.leftover_ratio, case.leftover
     return [
-        ("left_over", "part of the misfit stays", lambda c: left_over(c, *ratios, criteria, presses_free, of_fields)),
+        ("left_over", "part of the misfit stays", lambda c: left_over(c, before, left, criteria)),
         ("misreading", MISREAD, lambda c: misreading(c, criteria)),
         ("left_beyond", "part of what no network explains stays", lambda c: left_beyond(c, *beyond, criteria)),
     ]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -46,32 +46,20 @@ def reasoned(before: Sequence[Claim], after: Sequence[Claim], rule: str, why: st
 
 
 def left_over(
-    claims: Sequence[Claim],
-    before: float,
-    after: float,
-    criteria: Criteria,
-    presses_free: float | None = None,
-    of_fields: float | None = None,
+    claims: Sequence[Claim], before: float, left: Callable[[Effect], float], criteria: Criteria
 ) -> list[Claim]:
-    """Claims lose confidence with the part of the misfit (rms, the noise taken off) that they leave; all but fields, of
-    which ``of_maps`` takes another power, by ``LEFT_POWER``.
+    """Claims lose confidence with the part of the misfit (rms, the noise taken off) that they leave, ``left`` being
+    what speaks against an effect; all but fields, of which ``of_maps`` takes another power, by ``LEFT_POWER``.
 
     A name for something else explains in part, and mostly the larger part: a torn patch taken for a field of
-    sensitivity left a quarter of the misfit, 7 % of its square. ``presses_free`` is what stays of ``after`` on a rig
-    whose presses don't repeat once each may land and press in its own way: that scatter speaks only against names for
-    what changes from place to place or from electrode to electrode. ``of_fields`` is what speaks against fields: a map
-    that predicts presses badly is no map of what is there, though nobody could have known it there. A field whose map
-    is rather wrong than right, but which is surer told place by place, answers for the presses fitted alone.
+    sensitivity left a quarter of the misfit, 7 % of its square. A field whose map is rather wrong than right, but which
+    is surer told place by place, answers for the presses fitted alone.
     """
 
     def share(claim: Claim) -> float:
-        if claim.effect.hypothesis.field and of_fields is not None:
-            return explained(before, of_fields, criteria)
         if claim.by_force or (claim.effect.stage == Stage.MECHANICS and shown_by(claim.effect, Signal.FORCE)):
             return 1.0
-        placed = "where" in claim.effect.hypothesis.kin
-        left = after if placed or presses_free is None else presses_free
-        part = explained(before, left, criteria)
+        part = explained(before, left(claim.effect), criteria)
         return part if claim.effect.hypothesis.field else part**LEFT_POWER
 
     def judged(claim: Claim) -> Claim:

@@ -11,10 +11,13 @@ from scipy.stats import chi2, f
 from ertskin.diagnosis.criteria import Criteria
 from ertskin.diagnosis.fit.full_scans import full_scans
 from ertskin.diagnosis.fit.solved import Solved
+from ertskin.diagnosis.judge.repeatability import Repeatability
 from ertskin.diagnosis.linear.calibration_vector import SkinFamily
 from ertskin.diagnosis.recording.evidence import Evidence
 from ertskin.diagnosis.rest.baseline import Baseline
 from ertskin.diagnosis.search.chosen import Selection
+from ertskin.diagnosis.search.trials import only_presses_show
+from ertskin.physics.effects.effect import Effect
 from ertskin.physics.skin import Skin
 
 Array = NDArray[np.float64]
@@ -30,12 +33,15 @@ class Predictions:
 
     ``known_ratio``: misfit over noise after, less what the instrument's form errors are expected to make, where what
     isn't known of a field at presses that no fit has seen counts as noise; None without either.
+    ``where_pressed_ratio``: misfit over noise after, where only what isn't known of fields that presses alone show
+    counts so; None without such.
     """
 
     held: Indices
     before: Array
     after: Array
     known_ratio: float | None = None
+    where_pressed_ratio: float | None = None
 
     @property
     def ratio_before(self) -> float:
@@ -55,6 +61,22 @@ class Predictions:
     def ratio_judged(self) -> float:
         """The misfit that speaks against what was named."""
         return self.ratio_after if self.known_ratio is None else min(self.known_ratio, self.ratio_after)
+
+    def left_against(self, effect: Effect, differ: Repeatability | None) -> float:
+        """The misfit over noise that speaks against an effect's name.
+
+        Where presses ``differ``, what stays once each may land and press in its own way; their scatter speaks only
+        against names for what changes from place to place or from electrode to electrode. Against a field all speaks
+        that its map predicts badly, though nobody could have known it there: it is no map of what is there. But what a
+        field that presses alone show may be where nothing has pressed is no fault of one that rest shows.
+        """
+        if differ is not None:
+            return self.ratio_judged if "where" in effect.hypothesis.kin else differ.left_of(self.ratio_after)
+        if not effect.hypothesis.field:
+            return self.ratio_judged
+        if only_presses_show(effect) or self.where_pressed_ratio is None:
+            return self.ratio_after
+        return min(self.where_pressed_ratio, self.ratio_after)
 
 
 def predictions(

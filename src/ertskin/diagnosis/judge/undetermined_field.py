@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
 from typing import cast
@@ -15,7 +15,7 @@ from ertskin.diagnosis.fit.solved import Solved
 from ertskin.diagnosis.fit.terms import Modes
 from ertskin.diagnosis.search.pressed_places import LENGTH, logarithms
 from ertskin.diagnosis.search.smooth_fields import covariance_half, node_covariance, node_shape
-from ertskin.diagnosis.search.trials import of_presses
+from ertskin.diagnosis.search.trials import only_presses_show
 from ertskin.physics.effects.effect import Effect
 from ertskin.physics.effects.smooth_field import field_design
 
@@ -26,8 +26,14 @@ MOST_LEFT = 0.5
 """Part of the field's standard deviation beforehand that must be left at most where it is known."""
 
 
-def ratio_with_what_is_unknown(problem: VoltageProblem, solved: Solved, after: Array, place_m: Array) -> float:
-    """Misfit over noise of residuals ``after`` (n,P), where what isn't known of fields counts as noise.
+def ratio_with_what_is_unknown(
+    problem: VoltageProblem,
+    solved: Solved,
+    after: Array,
+    place_m: Array,
+    counting: Callable[[Effect], bool] = lambda effect: True,
+) -> float:
+    """Misfit over noise of residuals ``after`` (n,P), where what isn't known of the fields ``counting`` is noise.
 
     ``problem`` is that of the frames held out, linearised about the fit, ``place_m`` (K,2) is where those fitted press.
     What isn't known of a field, of covariance C, is correlated noise J C J' of the frames, with which the quadratic
@@ -38,6 +44,8 @@ def ratio_with_what_is_unknown(problem: VoltageProblem, solved: Solved, after: A
     skin = problem.family.skin(solved.calibration, solved.effects)
     parts = []
     for number, covariance in _unknown(solved, place_m, extent_m):
+        if not counting(solved.effects[number]):
+            continue
         size, vector = np.linalg.eigh(covariance)
         root = vector * np.sqrt(np.maximum(size, 0.0))
         found = np.zeros((*problem.evidence.scan_v.shape, root.shape[1]))
@@ -56,8 +64,8 @@ def ratio_with_what_is_unknown(problem: VoltageProblem, solved: Solved, after: A
 def _unknown(solved: Solved, place_m: Array, extent_m: Array) -> Iterator[tuple[int, Array]]:
     """Terms with a field of which something isn't known, by their number, and the covariance (M,M) of its nodes."""
     fitted = dict(_covariances(solved))
-    for number, (term, effect) in enumerate(zip(solved.terms, solved.effects, strict=True)):
-        if of_presses(term):
+    for number, effect in enumerate(solved.effects):
+        if only_presses_show(effect):
             yield number, covariance_elsewhere(effect, place_m, extent_m)
         elif number in fitted:
             yield number, fitted[number]

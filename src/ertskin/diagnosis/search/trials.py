@@ -16,7 +16,7 @@ from ertskin.diagnosis.search.form_error import form_error
 from ertskin.diagnosis.search.forms import form_of
 from ertskin.diagnosis.search.gain import freedom, gained
 from ertskin.diagnosis.search.smooth_fields import with_smooth_field
-from ertskin.physics.effects.effect import shown_by
+from ertskin.physics.effects.effect import Effect, shown_by
 from ertskin.physics.effects.hypothesis import Axis, Need, Signal
 
 KNOWN = 0.05
@@ -137,7 +137,12 @@ def _worth(problem: VoltageProblem, current: Solved, first: bool) -> float:
 
 def of_presses(term: Term) -> bool:
     """Whether it is a field over the sheet that only presses show."""
-    return term.effect.hypothesis.field and Need.PRESSES in term.effect.hypothesis.needs
+    return only_presses_show(term.effect)
+
+
+def only_presses_show(effect: Effect) -> bool:
+    """Whether an effect is such a field."""
+    return effect.hypothesis.field and Need.PRESSES in effect.hypothesis.needs
 
 
 def may_drift(term: Term) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
@@ -29,6 +30,7 @@ from ertskin.diagnosis.judge.confidence import (
     static_only,
 )
 from ertskin.diagnosis.judge.held_out import Predictions
+from ertskin.diagnosis.judge.repeatability import Repeatability
 from ertskin.physics.effects.channel_gain import ChannelGain
 from ertskin.physics.effects.contact_drift import ContactDrift
 from ertskin.physics.effects.effect import Effect
@@ -50,26 +52,48 @@ def claim(effect: Effect, alone: float) -> Claim:
     return Claim(effect, 0.95, alone, {})
 
 
+def leaving(misfit: float) -> Callable[[Effect], float]:
+    """So much of the noise is left against every effect."""
+    return lambda effect: misfit
+
+
 def test_what_stays_unexplained_is_shared_by_all_but_the_load_cells_names() -> None:
     claims = [claim(SheetAnisotropy(stretch_x=0.1), 2.0), claim(NonlinearFoam(stiffening=0.5), 2.0)]
-    assert left_over(claims, 3.0, 1.0, DEFAULT) == claims
-    lowered, kept = left_over(claims, 3.0, 2.236, DEFAULT)
+    assert left_over(claims, 3.0, leaving(1.0), DEFAULT) == claims
+    lowered, kept = left_over(claims, 3.0, leaving(2.236), DEFAULT)
     assert lowered.confidence == pytest.approx(0.95 * 0.302**2, abs=0.01)
     assert kept.confidence == 0.95
 
 
+def predicted(**counted: float) -> Predictions:
+    """Presses held out of which 3.0 of the noise is left before, 2.236 after, less what is ``counted`` as noise."""
+    return Predictions(np.arange(4), np.full((4, 3), 3.0), np.full((4, 3), 2.236), **counted)
+
+
 def test_presses_that_do_not_repeat_speak_against_names_of_places_alone() -> None:
-    claims = [claim(SheetAnisotropy(stretch_x=0.1), 2.0), claim(PiezoHysteresis(width=0.1), 2.0)]
-    placed, other = left_over(claims, 3.0, 2.236, DEFAULT, 1.05)
-    assert placed == left_over(claims, 3.0, 2.236, DEFAULT)[0]
-    assert other.confidence == 0.95
+    differ = Repeatability(5e-4, 0.09, ratio=1.05, without=2.236, between_repeats=0.9)
+    found = predicted()
+    assert found.left_against(SheetAnisotropy(), differ) == pytest.approx(2.236)
+    assert found.left_against(PiezoHysteresis(), differ) == pytest.approx(1.05)
+    assert found.left_against(PiezoHysteresis(), None) == pytest.approx(2.236)
+
+
+def test_a_field_answers_for_presses_that_nobody_could_predict() -> None:
+    found = predicted(known_ratio=1.0, where_pressed_ratio=1.5)
+    assert found.left_against(PiezoHysteresis(), None) == 1.0
+    assert found.left_against(PiezoInhomogeneity(), None) == pytest.approx(2.236)
+
+
+def test_a_field_of_the_sheet_does_not_answer_for_one_that_presses_alone_show() -> None:
+    assert predicted(known_ratio=1.0, where_pressed_ratio=1.5).left_against(SheetInhomogeneity(), None) == 1.5
+    assert predicted(known_ratio=1.0).left_against(SheetInhomogeneity(), None) == pytest.approx(2.236)
 
 
 def test_a_field_that_places_tell_of_is_as_sure_as_they_make_it() -> None:
     """Half of the rms is predicted, and one number for every place leaves next to nothing of the presses fitted."""
     field = claim(PiezoInhomogeneity(amplitude=0.3), 3.0)
-    (predicting,) = left_over([field], 3.0, 1.6, DEFAULT, None, 1.6)
-    (told,) = left_over([replace(field, misfits_by_place=(3.0, 1.06))], 3.0, 1.6, DEFAULT, None, 1.6)
+    (predicting,) = left_over([field], 3.0, leaving(1.6), DEFAULT)
+    (told,) = left_over([replace(field, misfits_by_place=(3.0, 1.06))], 3.0, leaving(1.6), DEFAULT)
     assert not predicting.by_place
     assert told.by_place
     assert told.confidence == pytest.approx(0.95 * 0.95, abs=0.02)
@@ -79,21 +103,14 @@ def test_a_field_that_places_tell_of_is_as_sure_as_they_make_it() -> None:
 
 def test_a_map_that_predicts_is_kept() -> None:
     field = replace(claim(PiezoInhomogeneity(amplitude=0.3), 3.0), misfits_by_place=(3.0, 1.5))
-    (found,) = left_over([field], 3.0, 1.04, DEFAULT, None, 1.04)
+    (found,) = left_over([field], 3.0, leaving(1.04), DEFAULT)
     assert not found.by_place
     assert found.confidence == 0.95
 
 
-def test_a_field_answers_for_presses_that_nobody_could_predict() -> None:
-    claims = [claim(PiezoInhomogeneity(amplitude=0.1), 2.0), claim(PiezoHysteresis(width=0.1), 2.0)]
-    field, other = left_over(claims, 3.0, 1.0, DEFAULT, of_fields=2.236)
-    assert field.confidence == pytest.approx(0.95 * 0.302, abs=0.01)
-    assert other.confidence == 0.95
-
-
 def test_where_presses_land_answers_for_misfit_as_any_place_does() -> None:
     claims = [claim(IndenterOffset(dx_m=1e-3), 2.0), claim(NonlinearFoam(stiffening=0.5), 2.0)]
-    landing, foam = left_over(claims, 3.0, 2.236, DEFAULT)
+    landing, foam = left_over(claims, 3.0, leaving(2.236), DEFAULT)
     assert landing.confidence == pytest.approx(0.95 * 0.302**2, abs=0.01)
     assert foam.confidence == 0.95
 
