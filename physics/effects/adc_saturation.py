@@ -24,15 +24,20 @@ SHARPNESSES = 2.0, 5.0, 15.0
 FAR = 1e200
 """Value of q |v/L|^n from which on a reading is where it stops; beyond it powers overflow."""
 
+LAST_DIGIT = 1e-16
+"""What, added to one, leaves it."""
+
 
 @njit(cache=True, nogil=True)
 def _bent(voltage_v, straight_v, level_v, bend, sharpness):  # type: ignore[no-untyped-def]
     """(N,) readings of voltages (N,), as ``AdcSaturation`` says; ``bend`` is q. Readings not taken are NaN and stay."""
     read_v = voltage_v.copy()
     span_v = level_v - straight_v
+    # Below this a reading falls short by less than its last digit: most readings, of all but the roundest bends.
+    least_v = span_v * (LAST_DIGIT / bend) ** (1.0 / sharpness)
     for n in range(len(voltage_v)):
         beyond_v = abs(voltage_v[n]) - straight_v
-        if not beyond_v > 0.0:
+        if not beyond_v > least_v:
             continue
         part = bend * (beyond_v / span_v) ** sharpness
         kept_v = beyond_v * (1.0 + part) ** (-1.0 / sharpness) if part < FAR else span_v * bend ** (-1.0 / sharpness)

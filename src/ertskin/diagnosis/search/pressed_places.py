@@ -50,17 +50,29 @@ def with_field_by_place(build: Problem, incumbent: CheckedFit) -> tuple[CheckedF
     None where little is missing or a field is in the fit, where it explains less than half, or where the places hardly
     differ.
     """
+    found = with_any_field_by_place(build, incumbent)
+    return found if found is not None and explains_most(found[0], incumbent) else None
+
+
+def with_any_field_by_place(build: Problem, incumbent: CheckedFit) -> tuple[CheckedFit, float] | None:
+    """The same, however much of what is missing it explains: beside another effect it may explain most."""
     problem, current = incumbent.problem, incumbent.solved
     if incumbent.misfit <= problem.evidence.criteria.mismatch_ratio or any(map(of_presses, current.terms)):
         return None
     for kind in effects_shown_by(Signal.READINGS):
         if not of_presses(Term(kind(), ())):
             continue
-        proposed = _explaining_most(build, incumbent, kind)
+        proposed = _where_it_settles_by_place(build, incumbent, kind)
         gain = 0.0 if proposed is None else unlikely(current) - unlikely(proposed.solved)
         if proposed is not None and is_worth_a_name(problem, current, proposed.solved.terms[-1], gain):
             return proposed, gain
     return None
+
+
+def explains_most(proposed: CheckedFit, without: CheckedFit) -> bool:
+    """Whether a fit explains most of what another one misses."""
+    left = 1 - without.problem.evidence.criteria.most_share
+    return proposed.misfit**2 - 1 < left * (without.misfit**2 - 1)
 
 
 def fields_by_place(build: Problem, fit: CheckedFit, fixed: int) -> list[tuple[CheckedFit, CheckedFit] | None]:
@@ -96,6 +108,13 @@ def _nominal(solved: Solved) -> Calibration:
 
 def _explaining_most(build: Problem, without: CheckedFit, kind: type[Effect]) -> CheckedFit | None:
     """The fit with a field told place by place where it settles, if that explains most of what is missing."""
+    proposed = _where_it_settles_by_place(build, without, kind)
+    return proposed if proposed is not None and explains_most(proposed, without) else None
+
+
+def _where_it_settles_by_place(build: Problem, without: CheckedFit, kind: type[Effect]) -> CheckedFit | None:
+    """The fit with a field told place by place where it settles; None of too few places, or too many, or that hardly
+    differ."""
     problem, begun = without.problem, without.solved
     place_m = pressed_places_m(problem)
     if not 1 < len(place_m) <= MOST_MODES:
@@ -104,9 +123,7 @@ def _explaining_most(build: Problem, without: CheckedFit, kind: type[Effect]) ->
     solved = min((_told_by_place(problem, begun, start, place_m) for start in starts), key=unlikely)
     if _differ_by(problem, solved, place_m) < LEAST_SPREAD:
         return None
-    proposed = where_it_settles(build, problem, solved)
-    left = 1 - problem.evidence.criteria.most_share
-    return proposed if proposed is not None and proposed.misfit**2 - 1 < left * (without.misfit**2 - 1) else None
+    return where_it_settles(build, problem, solved)
 
 
 def _told_by_place(problem: VoltageProblem, begun: Solved, start: Start, place_m: Array) -> Solved:

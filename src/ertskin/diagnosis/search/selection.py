@@ -30,7 +30,7 @@ from ertskin.diagnosis.search.form_error import form_error
 from ertskin.diagnosis.search.gain import gained
 from ertskin.diagnosis.search.nominal_ratio import at_nominal, has_run_away, let_go, near_nominal, reconsidered
 from ertskin.diagnosis.search.other_forms import OtherForm, may_be_likelier, other_forms
-from ertskin.diagnosis.search.pressed_places import with_field_by_place
+from ertskin.diagnosis.search.pressed_places import explains_most, with_any_field_by_place, with_field_by_place
 from ertskin.diagnosis.search.settling import Freeing, freed_forms, refined, spread, where_it_settles
 from ertskin.diagnosis.search.trials import (
     Trial,
@@ -272,7 +272,7 @@ class _Search:
         if entered is None:
             instrument = instrument_worth_a_name(problem, current, trials)
             least = 0.0 if instrument is None else problem.evidence.criteria.most_share * instrument.gain
-            return self._in_anothers_place(incumbent, trials) or self.with_values_at_places(incumbent, least=least)
+            return self._in_anothers_place(incumbent, trials) or self._with_places(incumbent, least)
         trial, proposed = entered
         rivals = self.stand[key_of(trial.term)] = short_of(trial, last)
         self.forms += other_forms(trial, last, rivals, self.fixed)
@@ -303,10 +303,13 @@ class _Search:
         return trials, fitted, None
 
     def _in_anothers_place(self, incumbent: CheckedFit, trials: Sequence[Trial]) -> CheckedFit | None:
-        """With a trial's term in the place of one that it may be taken for, where that is likelier; None where none is.
+        """With a trial's term in the place of one that it may be taken for, where a mismatch stays and that is
+        likelier; None where none is.
 
         The first of two that explain nearly the same hides what the second would gain alone.
         """
+        if incumbent.misfit <= incumbent.problem.evidence.criteria.mismatch_ratio:
+            return None
         found = exchanged(self.build, incumbent, trials, self.fixed, self.partitions)
         if found is None:
             return None
@@ -316,15 +319,34 @@ class _Search:
         self.stand[key_of(entered)] = (Rival(left.effect, gain),)
         return reconsidered(self.build, proposed)
 
-    def with_values_at_places(
-        self, incumbent: CheckedFit, free: Freeing = freed_forms, least: float = 0.0
-    ) -> CheckedFit | None:
-        """With a field told place by place, where nothing else explains most of what is missing and that gains the
-        ``least`` at least."""
+    def with_values_at_places(self, incumbent: CheckedFit, free: Freeing = freed_forms) -> CheckedFit | None:
+        """With a field told place by place, where nothing else explains most of what is missing and that does."""
         found = with_field_by_place(self.build, incumbent)
+        return None if found is None else self._told_by_place(*found, free)
+
+    def _with_places(self, incumbent: CheckedFit, least: float) -> CheckedFit | None:
+        """With a field told place by place that gains the ``least``, or with that and one term more, where they explain
+        most of what is missing.
+
+        What another effect does is lost in what a field does to every press differently: beside a displaced pad the
+        scans' own heat gained nothing, beside that and lots of sensitivity 13 000 in half chi-square (c030 of
+        `thirtyfifth40`).
+        """
+        found = with_any_field_by_place(self.build, incumbent)
         if found is None or found[1] < least:
             return None
-        proposed, gain = found
+        if explains_most(found[0], incumbent):
+            return self._told_by_place(*found, freed_forms)
+        other = self._apart()
+        proposed = other.one_more(other._told_by_place(*found, freed_forms))
+        if proposed is None or not explains_most(proposed, incumbent):
+            self._came_to_nothing(other)
+            return None
+        self._go_on_as(other)
+        return proposed
+
+    def _told_by_place(self, proposed: CheckedFit, gain: float, free: Freeing) -> CheckedFit:
+        """The fit with a field told place by place that has entered with this gain, more of it free."""
         self.tried.append(Tried(tuple(term.name for term in proposed.solved.terms), gain, True))
         return self._refined(proposed, free)
 
