@@ -146,9 +146,9 @@ class _Search:
         # A form is freed about the fit itself: further off it would mend what linearising leaves.
         return refined(self.build, incumbent, self.partitions)
 
-    def grown(self, incumbent: CheckedFit) -> CheckedFit:
-        """With one term more after the other, while one gains enough and they aren't too many; asked once at least, but
-        not beside others once the work is spent."""
+    def grown(self, incumbent: CheckedFit, until: Callable[[CheckedFit], bool] = lambda fit: False) -> CheckedFit:
+        """With one term more after the other, while one gains enough and they aren't too many, ``until`` a fit will do;
+        asked once at least, but not beside others once the work is spent."""
         for turn in range(min(len(incumbent.solved.terms) - self.fixed, MOST_TERMS - 1), MOST_TERMS):
             text = f"looking for what is missing (residual {rms_of(incumbent.solved):.3f} of the noise)"
             self.report(0.2 + 0.1 * turn, text)
@@ -159,6 +159,8 @@ class _Search:
                 break
             incumbent = proposed
             self.report(0.25 + 0.1 * turn, f"{incumbent.solved.terms[-1].name} enters")
+            if until(incumbent):
+                break
         return incumbent
 
     def _entered(self, incumbent: CheckedFit) -> CheckedFit | None:
@@ -433,8 +435,14 @@ class _Search:
         self, other: _Search, begun: CheckedFit, incumbent: CheckedFit, least: float
     ) -> tuple[tuple[Chosen, ...], CheckedFit] | None:
         """All that follows from where another search has begun, gone on with where that is likelier than the incumbent
-        by more than the ``least``; None where it comes to nothing."""
-        chosen, reached = other.pruned(other.grown(begun))
+        by more than the ``least``; None where it comes to nothing, as it does once it holds all names of the incumbent
+        and is no likelier: whatever follows would beside that, too."""
+
+        def no_better(fit: CheckedFit) -> bool:
+            missing = {term.name for term in incumbent.solved.terms} - {term.name for term in fit.solved.terms}
+            return not missing and gain_of_exchange(incumbent, fit) <= least
+
+        chosen, reached = other.pruned(other.grown(begun, no_better))
         gain = gain_of_exchange(incumbent, reached)
         other.tried.append(Tried(tuple(term.name for term in reached.solved.terms), gain, True))
         if gain > least and not reached.spoils(incumbent) and other.disagrees == self.disagrees:

@@ -67,7 +67,7 @@ def reconsidered(
 
     monkeypatch.setattr(selection, "where_it_settles", lambda build, problem, solved: fit_of(*solved.terms))
     monkeypatch.setattr(selection._Search, "one_more", one_more)
-    monkeypatch.setattr(selection._Search, "grown", lambda search, fit: fit)
+    monkeypatch.setattr(selection._Search, "grown", lambda search, fit, *until: fit)
     monkeypatch.setattr(selection._Search, "pruned", lambda search, fit: (tuple(fit.solved.terms[fixed:]), fit))
     search = selection._Search(None, [], lambda share, text: None, fixed, {})  # type: ignore[arg-type]
     chosen: Any = tuple(incumbent.solved.terms[fixed:])
@@ -109,7 +109,7 @@ def test_a_search_that_comes_to_nothing_changes_nothing(misfit: float, monkeypat
         search.stand["pad:"] = ()
         return replace(fit_of(*without.solved.terms, PAD), misfit=misfit)
 
-    def grown(search: selection._Search, fit: CheckedFit) -> CheckedFit:
+    def grown(search: selection._Search, fit: CheckedFit, *until: object) -> CheckedFit:
         search.disagrees, search.build, search.fixed = True, fit_of, 0
         return fit
 
@@ -142,7 +142,7 @@ def with_what_is_hidden(
 ) -> tuple[list[str], selection._Search]:
     """The names chosen where warmth is found ``behind`` a field, and ``then`` follow it; and the search."""
 
-    def grown(search: selection._Search, fit: CheckedFit) -> CheckedFit:
+    def grown(search: selection._Search, fit: CheckedFit, *until: object) -> CheckedFit:
         search.disagrees = search.disagrees or specimen_goes
         return replace(fit_of(*fit.solved.terms, *then), misfit=misfit)
 
@@ -197,6 +197,33 @@ def test_the_likeliest_enters_and_the_others_and_the_field_are_its_rivals(monkey
     assert names == ["self_heating", "field"]
     rivals = [(one.effect.name, one.short) for one in search.stand["self_heating:"]]
     assert rivals == [("temperature_drift", 2.0), ("sheet_inhomogeneity", 68.0)]
+
+
+@pytest.mark.parametrize(
+    ("gain", "entering", "expected"),
+    [
+        pytest.param(5.0, [FIELD, LOOP], ["pad", "field"], id="all names are back, and nothing is gained"),
+        pytest.param(5.0, [LOOP, FIELD], ["pad", "loop", "field"], id="not before they are"),
+        pytest.param(900.0, [FIELD, LOOP], ["pad", "field", "loop"], id="what is likelier is gone on with"),
+    ],
+)
+def test_what_follows_is_given_up_where_the_incumbent_says_as_much(
+    gain: float, entering: list[NamedTerm], expected: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked = list(entering)
+
+    def entered(search: selection._Search, fit: CheckedFit) -> CheckedFit | None:
+        present: Any = fit.solved.terms
+        return fit_of(*present, asked.pop(0)) if asked else None
+
+    monkeypatch.setattr(selection, "gain_of_exchange", lambda present, proposed: gain)
+    monkeypatch.setattr(selection, "rms_of", lambda solved: 1.2)
+    monkeypatch.setattr(selection._Search, "_entered", entered)
+    monkeypatch.setattr(selection._Search, "pruned", lambda search, fit: (chosen_of(fit), fit))
+    search = selection._Search(None, [], lambda share, text: None, 0, {})  # type: ignore[arg-type]
+    found = search._followed(search._apart(), fit_of(PAD), fit_of(FIELD), 11.0)
+    assert (found is not None) == (gain > 11.0)
+    assert search.tried[-1].effects == tuple(expected)
 
 
 @pytest.mark.parametrize("behind", [(), (Candidate(WARM, 9.0),)])

@@ -150,7 +150,9 @@ def search(monkeypatch: pytest.MonkeyPatch) -> selection._Search:
     monkeypatch.setattr(selection, "worth_a_name", lambda problem, solved: 600.0)
     monkeypatch.setattr(selection, "may_be_likelier", lambda fit, incumbent, form, least, partitions: True)
     monkeypatch.setattr(selection._Search, "_without_drifts", lambda search, fit: fit)
-    monkeypatch.setattr(selection._Search, "grown", lambda search, fit: fit_of(*fit.solved.terms, OFFSET, misfit=1.0))
+    monkeypatch.setattr(
+        selection._Search, "grown", lambda search, fit, *until: fit_of(*fit.solved.terms, OFFSET, misfit=1.0)
+    )
     monkeypatch.setattr(selection._Search, "pruned", lambda search, fit: (tuple(fit.solved.terms), fit))
     monkeypatch.setattr(selection, "gain_of_exchange", lambda incumbent, reached: 5000.0)
     found = selection._Search(None, [], lambda share, text: None, 0, {})  # type: ignore[arg-type]
@@ -193,14 +195,14 @@ def test_it_is_tried_and_left_where_it_is_not_likelier(
 def test_it_is_left_where_frames_solved_in_full_fit_worse(
     search: selection._Search, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(selection._Search, "grown", lambda search, fit: fit_of(*fit.solved.terms, misfit=9.0))
+    monkeypatch.setattr(selection._Search, "grown", lambda search, fit, *until: fit_of(*fit.solved.terms, misfit=9.0))
     assert gone_on(search) == [ALIKE]
 
 
 def test_it_is_left_where_the_specimen_comes_to_disagree(
     search: selection._Search, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def grown(other: selection._Search, fit: CheckedFit) -> CheckedFit:
+    def grown(other: selection._Search, fit: CheckedFit, *until: object) -> CheckedFit:
         other.disagrees = True
         return fit_of(*fit.solved.terms, OFFSET, misfit=1.0)
 
@@ -236,7 +238,7 @@ def test_a_search_asks_for_other_forms_of_what_has_entered(
     assert fit is not None
     assert [one.trial for one in search.forms] == [trials[1]]
     assert [(rival.effect, rival.short) for rival in search.forms[0].rivals] == [(OFFSET.effect, 2.0)]
-    monkeypatch.setattr(selection._Search, "grown", lambda search, fit: fit)
+    monkeypatch.setattr(selection._Search, "grown", lambda search, fit, *until: fit)
     monkeypatch.setattr(selection._Search, "fields_reconsidered", lambda search, chosen, fit: (chosen, fit))
     asked = []
 
