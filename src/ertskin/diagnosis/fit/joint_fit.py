@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import cast
@@ -15,7 +15,7 @@ from ertskin.diagnosis.fit.bounded_step import Region
 from ertskin.diagnosis.fit.full_scans import full_scans
 from ertskin.diagnosis.fit.layout import Layout
 from ertskin.diagnosis.fit.levenberg_marquardt import descend
-from ertskin.diagnosis.fit.nonreciprocal import AcquisitionSignal, acquires, instruments
+from ertskin.diagnosis.fit.nonreciprocal import AcquisitionSignal, acquires
 from ertskin.diagnosis.fit.quadratic import Quadratic
 from ertskin.diagnosis.fit.solved import Solved
 from ertskin.diagnosis.fit.terms import Modes, Term
@@ -90,22 +90,6 @@ class VoltageProblem:
         wanted = with_leftover and (acquires(skin.effects) or self._always_leftover)
         leftover = self.acquisition.residual(skin) if wanted else None
         return scan, specimen, leftover
-
-    def _near(self, skin: Skin, scan: Array) -> Callable[[Skin], tuple[Array, Array, Array | None]]:
-        """The same of skins near this one with the same instrument, without leftover, given its residuals ``scan``
-        (T,P); to first order where that instrument isn't linear: to read all that it does takes most of a fit's time.
-        """
-        if all(effect.linear for effect in instruments(skin.effects)):
-            return partial(self._blocks, with_leftover=False)
-        network = self.linear.scans(skin)
-
-        def blocks(moved: Skin) -> tuple[Array, Array, None]:
-            change = self._through(skin, (self.linear.scans(moved) - network)[..., None])[..., 0]
-            seen = np.where(self.weight[:, None] > 0, change / self.evidence.noise_v, 0.0)
-            specimen = self.specimen.residual(moved) if self.specimen is not None else np.zeros(0)
-            return scan - self.evidence.discounted(seen), specimen, None
-
-        return blocks
 
     _always_leftover: bool = False
     reuse: bool = False
@@ -196,7 +180,8 @@ class VoltageProblem:
         # Column by column: numbers written far from one another take longer than what they come from.
         leftover_columns = np.zeros((len(instrument), *((0,) if leftover is None else leftover.shape)))
         self.evidence.work.add(columns.size * self.linear.instants(skin) + leftover_columns.size)
-        columns[..., 1 : 1 + self.evidence.protocol.electrodes] = self.evidence.discounted(self.contact_columns(skin))
+        electrodes = self.evidence.protocol.electrodes
+        columns[..., 1 : 1 + electrodes] = self.evidence.discounted(self.contact_columns(skin))
         known = self._known_columns(layout)
         if known is not None:
             columns[..., : layout.calibration], specimen_columns[:, : layout.calibration] = known
@@ -209,12 +194,11 @@ class VoltageProblem:
             columns[..., _together(alone)], beyond = self._instrument_columns(layout, x, alone)
             if leftover is not None:
                 leftover_columns[[instrument.index(k) for k in alone]] = beyond
-        near = self._near(skin, scan)
         # Another ratio of moduli is another field of pressure, which the next fit begins with: it comes last.
         others = [k for k in layout.parameters if k not in alone] + ([layout.ratio] if known is None else [])
         for k in others:
             size = layout.step(k, x)
-            stepped = (self._blocks if k in instrument else near)(self._skin(layout, layout.moved(k, x)))
+            stepped = self._blocks(self._skin(layout, layout.moved(k, x)), leftover is not None and k in instrument)
             columns[..., k] = (scan - stepped[0]) / size
             specimen_columns[:, k] = (specimen - stepped[1]) / size
             if leftover is not None and stepped[2] is not None:
