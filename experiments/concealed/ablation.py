@@ -130,12 +130,8 @@ RULES: dict[str, Rule] = {
         1.0,
     ),
     "by_place": Rule(
-        "a field is told place by place where nothing else explains most of what is missing",
-        (
-            f"{SEARCH}.selection.with_field_by_place",
-            f"{SEARCH}.selection.with_any_field_by_place",
-            f"{SEARCH}.selection.with_fields_by_place",
-        ),
+        "a field is told place by place where it, or it and one term more, explain most of what is missing",
+        (f"{SEARCH}.selection.with_field_by_place", f"{SEARCH}.selection.with_fields_by_place"),
         _not_by_place,
     ),
     "fields_again": Rule(

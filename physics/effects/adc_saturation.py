@@ -33,7 +33,7 @@ def _bent(voltage_v, straight_v, level_v, bend, sharpness):  # type: ignore[no-u
     """(N,) readings of voltages (N,), as ``AdcSaturation`` says; ``bend`` is q. Readings not taken are NaN and stay."""
     read_v = voltage_v.copy()
     span_v = level_v - straight_v
-    # Below this a reading falls short by less than its last digit: most readings, of all but the roundest bends.
+    # Below this a reading falls short by less than its last digit: most readings, of a knee.
     least_v = span_v * (LAST_DIGIT / bend) ** (1.0 / sharpness)
     for n in range(len(voltage_v)):
         beyond_v = abs(voltage_v[n]) - straight_v

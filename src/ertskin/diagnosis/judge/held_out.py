@@ -65,18 +65,18 @@ class Predictions:
     def left_against(self, effect: Effect, differ: Repeatability | None) -> float:
         """The misfit over noise that speaks against an effect's name.
 
-        Where presses ``differ``, what stays once each may land and press in its own way; their scatter speaks only
-        against names for what changes from place to place or from electrode to electrode. Against a field all speaks
-        that its map predicts badly, though nobody could have known it there: it is no map of what is there. But what a
-        field that presses alone show may be where nothing has pressed is no fault of one that rest shows.
+        Against a field all speaks that its map predicts badly, though nobody could have known it there: it is no map of
+        what is there. But what a field that presses alone show may be where nothing has pressed is no fault of one that
+        rest shows. Where presses ``differ``, their scatter speaks only against names for what changes from place to
+        place or from electrode to electrode.
         """
-        if differ is not None:
-            return self.ratio_judged if "where" in effect.hypothesis.kin else differ.left_of(self.ratio_after)
-        if not effect.hypothesis.field:
+        if effect.hypothesis.field:
+            if only_presses_show(effect) or self.where_pressed_ratio is None:
+                return self.ratio_after
+            return min(self.where_pressed_ratio, self.ratio_after)
+        if differ is None or "where" in effect.hypothesis.kin:
             return self.ratio_judged
-        if only_presses_show(effect) or self.where_pressed_ratio is None:
-            return self.ratio_after
-        return min(self.where_pressed_ratio, self.ratio_after)
+        return min(self.ratio_judged, differ.left_of(self.ratio_after))
 
 
 def predictions(

@@ -65,7 +65,9 @@ def _unknown(solved: Solved, place_m: Array, extent_m: Array) -> Iterator[tuple[
     """Terms with a field of which something isn't known, by their number, and the covariance (M,M) of its nodes."""
     fitted = dict(_covariances(solved))
     for number, effect in enumerate(solved.effects):
-        if only_presses_show(effect):
+        # Of one place, or places all alike, nothing tells by how much others may differ.
+        told = only_presses_show(effect) and len(place_m) > 1
+        if told and np.ptp(logarithms(effect, place_m, extent_m)) > 0:
             yield number, covariance_elsewhere(effect, place_m, extent_m)
         elif number in fitted:
             yield number, fitted[number]

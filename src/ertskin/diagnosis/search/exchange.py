@@ -6,6 +6,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache, partial
 
+import numpy as np
+
 from ertskin.diagnosis.fit.full_solution_check import CheckedFit, Problem
 from ertskin.diagnosis.fit.joint_fit import VoltageProblem
 from ertskin.diagnosis.fit.nonreciprocal import acquires
@@ -60,6 +62,17 @@ def exchanged(
     fitted = _likelier(swap.present, found)
     gain = min(fitted, gained(swap.present, found, partitions, criteria))
     return (swap.left, proposed, gain) if gain > criteria.significant_gain else None
+
+
+def leaves_a_mismatch(fit: CheckedFit) -> bool:
+    """Whether a fit misses the scans, what no network explains or the specimen's readings by more than a mismatch."""
+    problem, most = fit.problem, fit.problem.evidence.criteria.mismatch_ratio
+    if fit.misfit > most:
+        return True
+    skin = problem.family.skin(fit.solved.calibration, fit.solved.effects)
+    beyond = problem.acquisition.residual(skin)
+    others = [beyond[beyond != 0], np.zeros(0) if problem.specimen is None else problem.specimen.residual(skin)]
+    return any(float(np.sqrt((missed**2).mean())) > most for missed in others if missed.size)
 
 
 def _swaps(incumbent: CheckedFit, trials: Sequence[Trial], fixed: int) -> Iterator[_Swap]:

@@ -47,15 +47,9 @@ the rim is a thousandth of the signal."""
 def with_field_by_place(build: Problem, incumbent: CheckedFit) -> tuple[CheckedFit, float] | None:
     """The fit with a field that only presses show told place by place, and the half chi-square that gains.
 
-    None where little is missing or a field is in the fit, where it explains less than half, or where the places hardly
+    None where little is missing or a field is in the fit, where it isn't worth a name, or where the places hardly
     differ.
     """
-    found = with_any_field_by_place(build, incumbent)
-    return found if found is not None and explains_most(found[0], incumbent) else None
-
-
-def with_any_field_by_place(build: Problem, incumbent: CheckedFit) -> tuple[CheckedFit, float] | None:
-    """The same, however much of what is missing it explains: beside another effect it may explain most."""
     problem, current = incumbent.problem, incumbent.solved
     if incumbent.misfit <= problem.evidence.criteria.mismatch_ratio or any(map(of_presses, current.terms)):
         return None

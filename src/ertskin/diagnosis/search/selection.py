@@ -25,12 +25,12 @@ from ertskin.diagnosis.search.contact_paths import (
     without_paths_of_drifting_channels,
 )
 from ertskin.diagnosis.search.entering import first_to_hold, likely, of_few_numbers, promises, short_of
-from ertskin.diagnosis.search.exchange import exchanged, gain_of_exchange
+from ertskin.diagnosis.search.exchange import exchanged, gain_of_exchange, leaves_a_mismatch
 from ertskin.diagnosis.search.form_error import form_error
 from ertskin.diagnosis.search.gain import gained
 from ertskin.diagnosis.search.nominal_ratio import at_nominal, has_run_away, let_go, near_nominal, reconsidered
 from ertskin.diagnosis.search.other_forms import OtherForm, may_be_likelier, other_forms
-from ertskin.diagnosis.search.pressed_places import explains_most, with_any_field_by_place, with_field_by_place
+from ertskin.diagnosis.search.pressed_places import explains_most, with_field_by_place
 from ertskin.diagnosis.search.settling import Freeing, freed_forms, refined, spread, where_it_settles
 from ertskin.diagnosis.search.trials import (
     Trial,
@@ -274,7 +274,8 @@ class _Search:
         if entered is None:
             instrument = instrument_worth_a_name(problem, current, trials)
             least = 0.0 if instrument is None else problem.evidence.criteria.most_share * instrument.gain
-            return self._in_anothers_place(incumbent, trials) or self._with_places(incumbent, least)
+            swapped = self._in_anothers_place(incumbent, trials)
+            return swapped or (self._with_places_and_another(incumbent, least) if wanted is None else None)
         trial, proposed = entered
         rivals = self.stand[key_of(trial.term)] = short_of(trial, last)
         self.forms += other_forms(trial, last, rivals, self.fixed)
@@ -310,7 +311,7 @@ class _Search:
 
         The first of two that explain nearly the same hides what the second would gain alone.
         """
-        if incumbent.misfit <= incumbent.problem.evidence.criteria.mismatch_ratio:
+        if not leaves_a_mismatch(incumbent):
             return None
         found = exchanged(self.build, incumbent, trials, self.fixed, self.partitions)
         if found is None:
@@ -321,36 +322,38 @@ class _Search:
         self.stand[key_of(entered)] = (Rival(left.effect, gain),)
         return reconsidered(self.build, proposed)
 
-    def with_values_at_places(self, incumbent: CheckedFit, free: Freeing = freed_forms) -> CheckedFit | None:
-        """With a field told place by place, where nothing else explains most of what is missing and that does."""
+    def with_values_at_places(self, incumbent: CheckedFit, free: Freeing) -> CheckedFit | None:
+        """With a field told place by place, where that is worth a name."""
         found = with_field_by_place(self.build, incumbent)
-        return None if found is None else self._told_by_place(*found, free)
+        if found is None:
+            return None
+        self.tried.append(_entering(*found))
+        return self._refined(found[0], free)
 
-    def _with_places(self, incumbent: CheckedFit, least: float) -> CheckedFit | None:
-        """With a field told place by place that gains the ``least``, or with that and one term more, where they explain
-        most of what is missing.
+    def _with_places_and_another(self, incumbent: CheckedFit, least: float) -> CheckedFit | None:
+        """With a field told place by place that gains the ``least``, or with that and what ``one_more`` finds beside
+        it, where they explain most of what is missing.
 
         What another effect does is lost in what a field does to every press differently: beside a displaced pad the
         scans' own heat gained nothing, beside that and lots of sensitivity 13 000 in half chi-square (c030 of
         `thirtyfifth40`).
         """
-        found = with_any_field_by_place(self.build, incumbent)
+        found = with_field_by_place(self.build, incumbent)
         if found is None or found[1] < least:
             return None
-        if explains_most(found[0], incumbent):
-            return self._told_by_place(*found, freed_forms)
-        other = self._apart()
-        proposed = other.one_more(other._told_by_place(*found, freed_forms))
-        if proposed is None or not explains_most(proposed, incumbent):
-            self._came_to_nothing(other)
-            return None
+        other, entering = self._apart(), _entering(*found)
+        by_place = other._refined(found[0])
+        if not explains_most(found[0], incumbent):
+            full = len(by_place.solved.terms) - self.fixed >= MOST_TERMS
+            both = None if full or incumbent.problem.evidence.work.ends() else other.one_more(by_place)
+            if both is None or not explains_most(both, incumbent):
+                self._came_to_nothing(other)
+                return None
+            by_place = both
+        other.tried.insert(len(self.tried), entering)
         self._go_on_as(other)
-        return proposed
-
-    def _told_by_place(self, proposed: CheckedFit, gain: float, free: Freeing) -> CheckedFit:
-        """The fit with a field told place by place that has entered with this gain, more of it free."""
-        self.tried.append(Tried(tuple(term.name for term in proposed.solved.terms), gain, True))
-        return self._refined(proposed, free)
+        self.forms = other.forms
+        return by_place
 
     def with_other_forms(
         self, chosen: tuple[Chosen, ...], incumbent: CheckedFit
@@ -479,7 +482,7 @@ class _Search:
         field."""
         problem, current = incumbent.problem, incumbent.solved
         field = current.terms[number]
-        if field.modes is None:
+        if field.modes is None or field.by_place:
             return None
         rest = [*current.terms[:number], *current.terms[number + 1 :]]
         begun = problem.solve(rest, current.calibration, leftover=current.leftover)
@@ -515,6 +518,11 @@ class _Search:
 def _holds_likely(trials: Sequence[Trial], wanted: Callable[[Trial], bool] | None, criteria: Criteria) -> bool:
     """Whether one of the likely trials is ``wanted``, as all are where nothing in particular is."""
     return wanted is None or any(map(wanted, likely(trials, criteria)))
+
+
+def _entering(fit: CheckedFit, gain: float) -> Tried:
+    """What is said of a fit whose last term enters with this gain."""
+    return Tried(tuple(term.name for term in fit.solved.terms), gain, True)
 
 
 def _as_tried(trial: Trial, kept: bool) -> Tried:

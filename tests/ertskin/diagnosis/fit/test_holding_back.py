@@ -100,7 +100,7 @@ def searching(monkeypatch: pytest.MonkeyPatch, found: list[Any], beyond: list[An
     monkeypatch.setattr(selection, "trials_of", lambda *given: [list(found), list(beyond)])
     monkeypatch.setattr(selection, "_as_tried", lambda one, kept: one.solved)
     monkeypatch.setattr(selection, "exchanged", lambda *given: None)
-    monkeypatch.setattr(selection, "with_any_field_by_place", lambda *given: None)
+    monkeypatch.setattr(selection, "with_field_by_place", lambda *given: None)
     problem: Any = SimpleNamespace(evidence=PROBLEM.evidence, at_hand=lambda solved: solved)
     search = selection._Search(lambda solved: problem, [[0]], lambda share, text: None, 0, {})
     return search, CheckedFit(problem, SimpleNamespace(effects=(), terms=()), 3.0, 0.0), settled  # type: ignore[arg-type]
@@ -146,8 +146,8 @@ def test_beside_an_instrument_that_does_not_hold_less_likely_names_and_places_re
     search, fit, settled = searching(monkeypatch, [found], [later])
     by_place = CheckedFit(fit.problem, fit.solved, 2.0, 0.0)
     monkeypatch.setattr(selection, "instrument_worth_a_name", lambda *given: found if of_instrument else None)
-    monkeypatch.setattr(selection, "with_any_field_by_place", lambda build, incumbent: (by_place, gain))
-    monkeypatch.setattr(selection._Search, "_refined", lambda search, fit, free: fit)
+    monkeypatch.setattr(selection, "with_field_by_place", lambda build, incumbent: (by_place, gain))
+    monkeypatch.setattr(selection._Search, "_refined", lambda search, fit, *free: fit)
     assert search.one_more(fit) is (by_place if enters or not of_instrument else None)
     assert settled == (["wild"] if of_instrument else ["wild", "far"])
     # What nobody wants is left at that, whatever the instrument gains.

@@ -76,6 +76,10 @@ def test_presses_that_do_not_repeat_speak_against_names_of_places_alone() -> Non
     assert found.left_against(SheetAnisotropy(), differ) == pytest.approx(2.236)
     assert found.left_against(PiezoHysteresis(), differ) == pytest.approx(1.05)
     assert found.left_against(PiezoHysteresis(), None) == pytest.approx(2.236)
+    # A field's map is none of what scatters, and what a field may be elsewhere speaks against no other name.
+    unknown = predicted(known_ratio=1.01, where_pressed_ratio=1.5)
+    assert unknown.left_against(PiezoInhomogeneity(), differ) == pytest.approx(2.236)
+    assert unknown.left_against(PiezoHysteresis(), differ) == pytest.approx(1.01)
 
 
 def test_a_field_answers_for_presses_that_nobody_could_predict() -> None:

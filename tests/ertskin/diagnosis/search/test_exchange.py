@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
+import numpy as np
 import pytest
 from small_problem import PARTITIONS, START, recorded
 
+from ertskin.diagnosis.criteria import DEFAULT
 from ertskin.diagnosis.fit.full_solution_check import CheckedFit, checked_fit
 from ertskin.diagnosis.fit.nonreciprocal import acquires
 from ertskin.diagnosis.fit.terms import Term
-from ertskin.diagnosis.search.exchange import HOPELESS, exchanged, gain_of_exchange
+from ertskin.diagnosis.search.exchange import HOPELESS, exchanged, gain_of_exchange, leaves_a_mismatch
 from ertskin.diagnosis.search.trials import Trial
 from ertskin.physics.effects.channel_gain import ChannelGain
 from ertskin.physics.effects.effect import Effect
@@ -109,3 +113,22 @@ def test_what_no_network_explains_counts_for_both_or_for_neither() -> None:
     gain = gain_of_exchange(without, with_it)
     assert gain > 100.0
     assert gain_of_exchange(with_it, without) == pytest.approx(-gain, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("misfit", "beyond", "specimen", "leaves"),
+    [(1.2, 1.0, 1.0, True), (1.02, 1.0, 1.0, False), (1.02, 4.0, 1.0, True), (1.02, 1.0, 4.0, True)],
+    ids=["scans", "nothing", "what no network explains", "the specimen"],
+)
+def test_a_swap_is_looked_for_where_a_mismatch_stays(
+    misfit: float, beyond: float, specimen: float, leaves: bool
+) -> None:
+    problem: Any = SimpleNamespace(
+        evidence=SimpleNamespace(criteria=DEFAULT),
+        family=SimpleNamespace(skin=lambda calibration, effects: None),
+        # Readings that weren't taken are noughts.
+        acquisition=SimpleNamespace(residual=lambda skin: np.array([[beyond, -beyond, 0.0, 0.0]])),
+        specimen=SimpleNamespace(residual=lambda skin: np.full(3, specimen)),
+    )
+    solved: Any = SimpleNamespace(calibration=None, effects=())
+    assert leaves_a_mismatch(CheckedFit(problem, solved, misfit, 0.0)) is leaves

@@ -258,7 +258,7 @@ def test_a_fit_promises_what_it_gains_with_what_is_known_alone_or_beside_the_fie
     solved: Any = proposed.problem
     solved.solve = lambda terms, calibration, steps=None, leftover=False: fit_of(*terms).solved
     monkeypatch.setattr(entering, "with_smooth_field", lambda problem, begun, number, partitions: both)
-    gains = {("pad", "loop"): alone, ("pad", "loop", "field"): cast(float, with_field)}
+    gains = {("pad",): -9e4, ("pad", "loop"): alone, ("pad", "loop", "field"): cast(float, with_field)}
     monkeypatch.setattr(
         entering, "gain_of_exchange", lambda present, fit: gains[tuple(term.name for term in fit.solved.terms)]
     )
