@@ -125,6 +125,13 @@ class Case:
         return most if surely and not self.selection.after.terms else None
 
     @property
+    def unclaimed(self) -> tuple[str, ...]:
+        """Names in the fit, none of the instrument's, that gain beside the others what chance can't: where none is
+        claimed, something is missing that presses held out don't show."""
+        found = [one for one in self.selection.chosen if one.term.effect.stage != Stage.ACQUISITION]
+        return tuple(dict.fromkeys(one.term.name for one in found if one.loss > SURELY_MISSING))
+
+    @property
     def faulty(self) -> tuple[int, ...]:
         """Channels with a fault that no effect's name is for."""
         return (*self.frozen, *self.noisy)
@@ -326,7 +333,7 @@ def _verdict(case: Case, claims: list[Claim], jitters: bool) -> str:
     surely = 1 + case.criteria.clear_errors * case.baseline.noise.error
     press = case.evidence.history[case.found.held].press
     before = case.found.ratio_before if claims else broad_ratio(case.found.before, press) / surely
-    mismatch = mismatch or case.unnamed is not None
+    mismatch = mismatch or case.unnamed is not None or bool(case.unclaimed and not claims)
     verdict = verdict_of(before, case.found.ratio_after, bool(claims), case.criteria, mismatch)
     off = case.force.off or case.misread
     if verdict == "explained" and (off or beyond or jitters or _one_fault(case, claims)):
@@ -370,6 +377,8 @@ def _reason(case: Case, claims: list[Claim], jitters: bool) -> str | None:
         said.append(_off_force(case.force))
     if case.unnamed is not None and not claims:
         said.append(_too_small(case.unnamed))
+    if case.unclaimed and not claims:
+        said.append(f"presses that were fitted show {' and '.join(case.unclaimed)}, those held out don't: repeat them")
     by_place = [claim.effect.name for claim in claims if claim.by_place]
     said += [f"{name} is known only where something has pressed: press at the other places" for name in by_place]
     said += [

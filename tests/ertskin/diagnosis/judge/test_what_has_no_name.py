@@ -11,8 +11,12 @@ import pytest
 
 from ertskin.diagnosis.contract.claims import Tried
 from ertskin.diagnosis.criteria import DEFAULT
+from ertskin.diagnosis.fit.terms import Term
 from ertskin.diagnosis.force.claims import ForceAnswer, _where_off
 from ertskin.diagnosis.judge.answer import SURELY_MISSING, Case, _reason, _stage, _verdict
+from ertskin.physics.effects.channel_gain import ChannelGain
+from ertskin.physics.effects.effect import Effect
+from ertskin.physics.effects.piezo_inhomogeneity import PiezoInhomogeneity
 
 
 def tried(*effects: str, gain: float = 2 * SURELY_MISSING) -> Tried:
@@ -28,7 +32,7 @@ def case_of(*sets: Tried, force: ForceAnswer | None = None) -> Any:
     case.found = MagicMock(ratio_before=1.0, ratio_after=1.0, before=np.ones((4, 3)))
     case.evidence.history.__getitem__.return_value = SimpleNamespace(press=np.arange(4))
     case.baseline.noise.error = 0.0
-    case.unnamed = Case.unnamed.fget(case)  # type: ignore[attr-defined]
+    case.unnamed, case.unclaimed = Case.unnamed.fget(case), ()  # type: ignore[attr-defined]
     return case
 
 
@@ -51,6 +55,26 @@ def test_what_gains_more_than_chance_is_missing_though_not_worth_a_name(
     assert _verdict(case, [], jitters=False) == ("no_mismatch" if said is None else "unexplained")
     reason = _reason(case, [], jitters=False)
     assert reason is None if said is None else reason is not None and said in reason
+
+
+@pytest.mark.parametrize(
+    ("effect", "loss", "said"),
+    [
+        (PiezoInhomogeneity(), 2 * SURELY_MISSING, True),
+        (PiezoInhomogeneity(), 0.5 * SURELY_MISSING, False),
+        (ChannelGain(), 2 * SURELY_MISSING, False),
+    ],
+    ids=["surely", "perhaps", "of the instrument"],
+)
+def test_what_fitted_presses_show_is_missing_though_presses_held_out_do_not(
+    effect: Effect, loss: float, said: bool
+) -> None:
+    case = case_of()
+    case.selection.chosen = (SimpleNamespace(term=Term(effect, ()), loss=loss),)
+    case.unclaimed = Case.unclaimed.fget(case)  # type: ignore[attr-defined]
+    assert _verdict(case, [], jitters=False) == ("unexplained" if said else "no_mismatch")
+    reason = _reason(case, [], jitters=False)
+    assert (reason is not None and effect.name in reason) is said
 
 
 def test_beside_what_is_in_the_fit_it_may_be_owed_to_that_ones_form() -> None:
