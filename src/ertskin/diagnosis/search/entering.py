@@ -12,8 +12,7 @@ from ertskin.diagnosis.fit.full_solution_check import CheckedFit, Problem
 from ertskin.diagnosis.fit.solved import Solved
 from ertskin.diagnosis.fit.terms import Term
 from ertskin.diagnosis.search.candidates import Candidate
-from ertskin.diagnosis.search.chosen import Rivals, key_of
-from ertskin.diagnosis.search.contact_paths import without_paths
+from ertskin.diagnosis.search.chosen import Rivals
 from ertskin.diagnosis.search.exchange import counting_leftover, gain_of_exchange
 from ertskin.diagnosis.search.settling import refined, where_it_settles
 from ertskin.diagnosis.search.smooth_fields import with_smooth_field
@@ -183,18 +182,13 @@ def _likelier_than_field(
 
 
 def promises(incumbent: CheckedFit, proposed: CheckedFit, field: Term, partitions: Sequence[Sequence[int]]) -> bool:
-    """Whether a proposed fit, with what else the incumbent has found, is likelier than that, as it is or with a smooth
-    field of this kind beside it.
+    """Whether a proposed fit is likelier than the incumbent, as it is or with a smooth field of this kind beside it.
 
     What would follow takes several times as long to find: a search more on 36 presses. How much likelier is asked of
     what it comes to: a fit whose field isn't settled yet doesn't tell.
     """
     problem, solved = proposed.problem, proposed.solved
-    known = {*map(key_of, solved.terms), key_of(field)}
-    others = [term for term in without_paths(incumbent.solved.terms) if key_of(term) not in known]
-    if others:
-        solved = problem.solve([*solved.terms, *others], solved.calibration, leftover=solved.leftover)
     begun = problem.solve([*solved.terms, Term(type(field.effect)(), ())], solved.calibration, steps=0)
     both = with_smooth_field(problem, begun, len(solved.terms), partitions)
-    fits = [proposed, *(replace(proposed, solved=one) for one in (solved, both) if one is not None)]
+    fits = [proposed] if both is None else [proposed, replace(proposed, solved=both)]
     return any(gain_of_exchange(incumbent, fit) > 0 for fit in fits)
